@@ -1,0 +1,64 @@
+"""Messages to bytes and back: plain MessagePack, so that any `msgpack` library can read and write it.
+
+An array is a map {"dtype": "<f8" or "<i8", "shape": [...], "data": bytes}, C order, little-endian. Decoding is typed:
+what is not exactly a message of ours raises `MessageError` and allocates nothing that its sender did not send.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from .errors import CablecosimError, MessageError
+from .messages import AnyMessage, Message
+
+_DTYPES: Final = {"<f8": np.dtype("<f8"), "<i8": np.dtype("<i8")}
+
+
+def encode(message: Message) -> bytes:
+    """Bytes of one message."""
+    return _ENCODER.encode(message)
+
+
+def decode(data: bytes) -> AnyMessage:
+    """The message that the bytes hold.
+
+    Raises:
+        MessageError: If the bytes are no message of ours, or one of its values is out of range; names the field.
+    """
+    try:
+        return _DECODER.decode(data)
+    except CablecosimError:
+        raise
+    except (msgspec.DecodeError, ValueError, RecursionError, OverflowError) as error:
+        raise MessageError(f"not a message of this protocol: {error}") from error
+
+
+def _encode_array(value: Any) -> Any:
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"a {type(value).__name__} has no place in a message")
+    array = np.ascontiguousarray(value)
+    if array.dtype.str not in _DTYPES:
+        raise TypeError(f"an array of {array.dtype.str} has no place in a message; use <f8 or <i8")
+    return {"dtype": array.dtype.str, "shape": array.shape, "data": array.data if array.size else b""}
+
+
+def _decode_array(kind: type, value: Any) -> Any:
+    if kind is not np.ndarray:
+        raise TypeError(f"a {kind.__name__} has no place in a message")
+    if not isinstance(value, dict) or value.keys() != {"dtype", "shape", "data"}:
+        raise ValueError("an array must be a map of dtype, shape and data")
+    dtype, shape, data = _DTYPES.get(str(value["dtype"])), value["shape"], value["data"]
+    if dtype is None or not isinstance(data, bytes) or not isinstance(shape, list) or len(shape) > 2:
+        raise ValueError("an array must be <f8 or <i8, of at most two dimensions, with its data as bytes")
+    if not all(type(size) is int and size >= 0 for size in shape) or math.prod(shape) * dtype.itemsize != len(data):
+        raise ValueError(f"an array of shape {shape} does not fit {len(data)} bytes")
+    # A view of the received bytes: read-only, as every array that has left its owner.
+    return np.frombuffer(data, dtype).reshape(shape)
+
+
+_ENCODER: Final = msgspec.msgpack.Encoder(enc_hook=_encode_array)
+_DECODER: Final = msgspec.msgpack.Decoder(AnyMessage, dec_hook=_decode_array)

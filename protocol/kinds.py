@@ -1,0 +1,56 @@
+"""Kinds of contact, grasp and outcome, each with the paper's symbol and what it means."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+from typing import Final
+
+
+class Friction(Enum):
+    """How a body holds the cable along its surface."""
+
+    BOND = "bond"  # F_inf
+    NONE = "none"  # F_0
+
+
+FRICTION_CODES: Final[tuple[Friction, ...]] = (Friction.NONE, Friction.BOND)
+"""Friction kinds in the order of the codes that `Contacts.friction` carries."""
+
+
+class Hold(Enum):
+    """What a gripper fixes at the point of the cable that it holds."""
+
+    CLAMP = "clamp"  # position and frame
+    HINGE = "hinge"  # position only
+
+
+class Feature(IntEnum):
+    """Part of a body's surface that a contact point lies on."""
+
+    FACE = 0
+    EDGE = 1
+    VERTEX = 2
+
+
+class Outcome(Enum):
+    """How a request for a shape ended; `advice` says what to try next."""
+
+    CONVERGED = "converged"
+    UNREACHABLE = "unreachable"
+    NOT_CONVERGED = "not_converged"
+    UNSTABLE = "unstable"
+    UNSUPPORTED = "unsupported"
+
+    @property
+    def advice(self) -> str:
+        """What to try next, as a sentence."""
+        return _ADVICE[self]
+
+
+_ADVICE: Final = {
+    Outcome.CONVERGED: "Nothing to do: a stable equilibrium within the residual asked for.",
+    Outcome.UNREACHABLE: "Bring the held points closer together along the cable, or make the cable longer.",
+    Outcome.NOT_CONVERGED: "Move the grippers in smaller steps, or ask without a start shape.",
+    Outcome.UNSTABLE: "Ask without a start shape: the solver then looks for another, stable equilibrium.",
+    Outcome.UNSUPPORTED: "Leave out or change the part of the request that the sentence names.",
+}
