@@ -30,11 +30,12 @@ def decode(data: bytes) -> AnyMessage:
         MessageError: If the bytes are no message of ours, or one of its values is out of range; names the field.
     """
     try:
-        return _DECODER.decode(data)
+        message: AnyMessage = _DECODER.decode(data)
     except CablecosimError:
         raise
     except (msgspec.DecodeError, ValueError, RecursionError, OverflowError) as error:
         raise MessageError(f"not a message of this protocol: {error}") from error
+    return message
 
 
 def _encode_array(value: Any) -> Any:

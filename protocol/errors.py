@@ -1,12 +1,14 @@
 """What the programs raise for a wrong request; a hard problem is an `Outcome`, never an exception.
 
-    CablecosimError
-    ├── SceneError        the scene, or a posture file, says something impossible; names the key
-    ├── MessageError      bytes from a peer that are no message of ours, or out of range
-    ├── VersionError      the peer speaks another version of the protocol
-    ├── PeerLostError     the peer did not answer within the written time-out, after every retry
-    ├── AddressError      an address that is taken, or that others could reach
-    └── RecordingError    a recording that cannot be read at all
+CablecosimError
+├── SceneError        the scene, or a posture file, says something impossible; names the key
+├── MessageError      bytes from a peer that are no message of ours, or out of range
+├── VersionError      the peer speaks another version of the protocol
+├── PeerLostError     the peer did not answer within the written time-out, after every retry
+├── AddressError      an address that is taken, or that others could reach
+└── RecordingError    a recording that cannot be read at all
+
+Each carries one sentence that names the thing, its value and what would be right.
 """
 
 from __future__ import annotations

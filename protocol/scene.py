@@ -6,6 +6,7 @@ The same frozen dataclasses serve the scene file, its validation and the wire. B
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
@@ -176,7 +177,9 @@ def check_scene(scene: Scene) -> None:
 
 def _check_cable(key: str, cable: Cable) -> None:
     if cable.diameter >= cable.length:
-        raise SceneError(f"{key}.diameter: {cable.diameter:g} m must be smaller than the cable's length, {cable.length:g} m", key=f"{key}.diameter")
+        raise SceneError(
+            f"{key}.diameter: {cable.diameter:g} m must be smaller than the cable's length, {cable.length:g} m", key=f"{key}.diameter"
+        )
     if (cable.bending is None) != (cable.twist is None):
         missing = "twist" if cable.twist is None else "bending"
         raise SceneError(
@@ -219,11 +222,12 @@ def _check_distances(scene: Scene, cables: dict[str, Cable]) -> None:
         held = sorted((g for g in scene.grippers if g.cable == cable.name), key=lambda g: g.at)
         if not held:
             raise SceneError(f"cables: no gripper holds '{cable.name}'; give it at least one", key="cables")
-        for first, second in zip(held, held[1:], strict=False):
+        for first, second in itertools.pairwise(held):
             span, chord = second.at - first.at, math.dist(first.position, second.position)
             if span < 1e-6 * cable.length:
                 raise SceneError(
-                    f"grippers: '{first.name}' and '{second.name}' hold cable '{cable.name}' at the same {first.at:g} m; hold it at two places",
+                    f"grippers: '{first.name}' and '{second.name}' hold cable '{cable.name}' at the same {first.at:g} m; "
+                    "hold it at two places",
                     key="grippers",
                 )
             if chord > span:

@@ -1,0 +1,1 @@
+"""Boundary conditions in, cable shape out; no clock, no bodies, no memory."""
