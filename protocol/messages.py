@@ -105,20 +105,12 @@ class Problem(Part, frozen=True):
     start: Start | None = None  # without it: a cold start
 
 
-class LeftOut(Part, frozen=True):
-    """An effect that a shape leaves out, and how far it could have moved a node."""
-
-    effect: str
-    size: float  # m
-
-
 class Cost(Part, frozen=True):
     """What an answer cost, in seconds of wall time by part."""
 
-    solve: float  # equilibrium iterations
-    certify: float  # stability
+    solve: float  # equilibrium iterations, stability included
     estimate: float  # error estimate
-    path: str  # "numba", "numpy" or "closed form"
+    path: str  # "numba", "numpy", "closed form" or "none"
 
 
 class Shape(Part, frozen=True):
@@ -136,11 +128,10 @@ class Shape(Part, frozen=True):
     sentence: str  # how it ended
     model: str  # "rod" or "catenary"
     effects: tuple[str, ...]  # simulated
-    left_out: tuple[LeftOut, ...]
     error: float | None  # m, estimated error of the node positions; None where the outcome is no shape
     residual: float  # N, largest unbalanced force
     iterations: int
-    margin: float | None  # N m^2, smallest stiffness against any motion (see stability.py); None if not certified
+    is_stable: bool  # certified from the inertia of the system, in three dimensions
     cost: Cost
 
 

@@ -1,1 +1,5 @@
 """Boundary conditions in, cable shape out; no clock, no bodies, no memory."""
+
+from __future__ import annotations
+
+from .solve import solve as solve

@@ -1,0 +1,81 @@
+"""Start the shape server by hand: `python -m shape_server --bind ADDRESS`."""
+
+from __future__ import annotations
+
+import os
+
+# Matrices here are small: a second BLAS thread costs more than it saves, and the other programs need the core.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import signal
+import sys
+from types import FrameType
+
+from protocol.codec import decode, encode
+from protocol.errors import CablecosimError
+from protocol.messages import ShapeReply, ShapeRequest
+
+from .paths import CHOICES, Paths, warm_up
+from .server import ShapeServer
+from .solve import solve
+
+
+def main() -> int:
+    """Run the server until it is stopped; 0 in good order, 2 with a sentence for a mistake."""
+    arguments = _parser().parse_args()
+    signal.signal(signal.SIGTERM, _leave)
+    try:
+        if arguments.warm_up:
+            sys.stdout.write(f"kernels ready after {warm_up():.1f} s\n")
+        elif arguments.posture:
+            _solve_posture(arguments.kernels)
+        else:
+            server = ShapeServer(arguments.bind, arguments.kernels)
+            sys.stdout.write(f"shape server listening at {server.address}\n")
+            sys.stdout.flush()
+            server.run()
+    except CablecosimError as error:
+        sys.stderr.write(f"shape_server: {error}\n")
+        return 2
+    except (KeyboardInterrupt, SystemExit):
+        return 0
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m shape_server",
+        description="Predicts the shape of cables: boundary conditions in, shapes out. Keeps no state between requests.",
+    )
+    task = parser.add_mutually_exclusive_group(required=True)
+    task.add_argument("--bind", metavar="ADDRESS", help="listen here: ipc://PATH, or tcp://127.0.0.1:PORT (port 0 takes a free one)")
+    task.add_argument("--posture", choices=["-"], help="answer one encoded ShapeRequest from standard input on standard output")
+    task.add_argument("--warm-up", action="store_true", help="compile the kernels to the cache on disk, and end")
+    parser.add_argument(
+        "--kernels",
+        choices=CHOICES,
+        default="auto",
+        help="auto: numpy until the kernels are compiled (default); compiled: wait for them; numpy: never compile",
+    )
+    return parser
+
+
+def _solve_posture(kernels: str) -> None:
+    request = decode(sys.stdin.buffer.read())
+    if not isinstance(request, ShapeRequest):
+        raise CablecosimError(f"standard input holds a {type(request).__name__}; must be a ShapeRequest")
+    paths = Paths("numpy" if kernels == "auto" else kernels)
+    shapes = tuple(solve(problem, request.gravity, tolerance=request.tolerance, path=paths.current) for problem in request.problems)
+    busy = sum(shape.cost.solve + shape.cost.estimate for shape in shapes)
+    reply = ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=busy)
+    sys.stdout.buffer.write(encode(reply))
+    sys.stdout.flush()
+
+
+def _leave(signal_number: int, frame: FrameType | None) -> None:
+    raise SystemExit
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,151 @@
+"""A cable without bending under its boundary conditions: catenaries between held and bonded points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from protocol.kinds import FRICTION_CODES, Friction, Outcome
+from protocol.messages import Problem
+from protocol.scene import Vector
+
+from .catenary import Piece, hang
+from .cold import frames_along
+from .mesh import Mesh, even, from_nodes
+
+SEGMENTS = (25, 50, 100, 200, 400)
+
+
+@dataclass(frozen=True)
+class Hanging:
+    """A shape made of catenaries, or why there is none."""
+
+    outcome: Outcome
+    sentence: str
+    mesh: Mesh
+    nodes: np.ndarray  # (n, 3) m
+    frames: np.ndarray  # (n-1, 4)
+    tension: np.ndarray  # (n-1,) N
+    curvature: np.ndarray  # (n,) 1/m
+    grasp_forces: np.ndarray  # (g, 3) N
+    contact_forces: np.ndarray  # (m, 3) N
+    sag: float  # m, largest distance of a straight segment from its catenary
+
+
+def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hanging:
+    """The catenaries of a cable without bending.
+
+    Bonded contacts are points that hold the cable; one that would pull it towards its body is dropped, the hardest
+    pulling first. Frictionless contacts are not built for this model, and answered as unsupported.
+    """
+    grasps, contacts = problem.grasps, problem.contacts
+    load = problem.cable.mass_per_length * np.asarray(gravity)
+    empty = even(problem.cable.length, grasps.s, 1)
+    count = 0 if contacts is None else len(contacts.s)
+    if contacts is not None and (contacts.friction != FRICTION_CODES.index(Friction.BOND)).any():
+        sentence = "a cable without bending meets only bonded contacts; give the cable 'bending' and 'twist' for frictionless ones"
+        return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
+    if not np.linalg.norm(load) > 0:
+        sentence = "a cable without bending and without weight has no definite shape; give it a mass per length and gravity, or bending"
+        return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
+    kept = np.arange(count)
+    while True:
+        hanging = _with_bonds(problem, load, tolerance, kept, count)
+        if contacts is None or hanging.outcome is not Outcome.CONVERGED or not len(kept):
+            return hanging
+        push = np.einsum("ij,ij->i", hanging.contact_forces[kept], contacts.normal[kept])
+        if push.min() >= 0.0:
+            return hanging
+        kept = np.delete(kept, int(np.argmin(push)))
+
+
+def _with_bonds(problem: Problem, load: np.ndarray, tolerance: float, kept: np.ndarray, contact_count: int) -> Hanging:
+    grasps, contacts = problem.grasps, problem.contacts
+    s, points = grasps.s, grasps.position
+    if contacts is not None and len(kept):
+        s = np.concatenate([s, contacts.s[kept]])
+        points = np.concatenate([points, contacts.point[kept] + contacts.distance[kept, None] * contacts.normal[kept]])
+    order = np.argsort(s, kind="stable")
+    for first, last in pairwise(order):
+        span, chord = s[last] - s[first], float(np.linalg.norm(points[last] - points[first]))
+        if chord > span * (1 + 1e-12):
+            sentence = (
+                f"the points held at s = {s[first]:.4g} m and {s[last]:.4g} m are {chord:.6g} m apart, "
+                f"further than the {span:.6g} m of cable between them"
+            )
+            return _nothing(Outcome.UNREACHABLE, sentence, even(problem.cable.length, grasps.s, 1), len(grasps.s), contact_count)
+    if problem.start is not None:
+        mesh = from_nodes(problem.start.s, problem.cable.length, grasps.s)
+        return _pieces(problem, load, mesh, s, points, order, kept, contact_count)
+    for segments in SEGMENTS:
+        mesh = even(problem.cable.length, grasps.s, segments)
+        hanging = _pieces(problem, load, mesh, s, points, order, kept, contact_count)
+        if hanging.sag <= tolerance:
+            break
+    return hanging
+
+
+def _pieces(
+    problem: Problem,
+    load: np.ndarray,
+    mesh: Mesh,
+    s: np.ndarray,
+    points: np.ndarray,
+    order: np.ndarray,
+    kept: np.ndarray,
+    contact_count: int,
+) -> Hanging:
+    nodes, tension, curvature = np.empty((len(mesh.s), 3)), np.empty(len(mesh.s)), np.zeros(len(mesh.s))
+    forces = np.zeros((len(s), 3))
+    first, last = order[0], order[-1]
+    for end, tail in ((first, mesh.s <= s[first]), (last, mesh.s >= s[last])):
+        below = np.abs(mesh.s[tail] - s[end])
+        nodes[tail] = points[end] + np.outer(below, load / np.linalg.norm(load))
+        length = float(below.max())
+        tension[tail] = np.linalg.norm(load) * (length - below)
+        forces[end] -= length * load
+    for first, last in pairwise(order):
+        inside = (mesh.s >= s[first]) & (mesh.s <= s[last])
+        piece: Piece = hang(points[first], points[last], float(s[last] - s[first]), load, mesh.s[inside] - s[first])
+        nodes[inside], tension[inside], curvature[inside] = piece.nodes, piece.tension, piece.curvature
+        forces[first] += piece.start_force
+        forces[last] += piece.end_force
+    grasp_count = len(problem.grasps.s)
+    contact_forces = np.zeros((contact_count, 3))
+    contact_forces[kept] = forces[grasp_count:]
+    chords = np.diff(nodes, axis=0)
+    tangents = chords / np.maximum(np.linalg.norm(chords, axis=1), 1e-300)[:, None]
+    seed = Rotation.from_quat(problem.grasps.quaternion[0])
+    return Hanging(
+        outcome=Outcome.CONVERGED,
+        sentence="closed form",
+        mesh=mesh,
+        nodes=nodes,
+        frames=frames_along(tangents, seed, int(mesh.grasp_nodes[0])),
+        tension=0.5 * (tension[:-1] + tension[1:]),
+        curvature=curvature,
+        grasp_forces=forces[:grasp_count],
+        contact_forces=contact_forces,
+        sag=float((np.maximum(curvature[:-1], curvature[1:]) * mesh.lengths**2 / 8).max()),
+    )
+
+
+def _nothing(outcome: Outcome, sentence: str, mesh: Mesh, grasp_count: int, contact_count: int) -> Hanging:
+    count = len(mesh.s)
+    frames = np.tile([0.0, 0.0, 0.0, 1.0], (count - 1, 1))
+    return Hanging(
+        outcome=outcome,
+        sentence=sentence,
+        mesh=mesh,
+        nodes=np.zeros((count, 3)),
+        frames=frames,
+        tension=np.zeros(count - 1),
+        curvature=np.zeros(count),
+        grasp_forces=np.zeros((grasp_count, 3)),
+        contact_forces=np.zeros((contact_count, 3)),
+        sag=math.inf,
+    )

@@ -1,0 +1,90 @@
+"""The shape server's loop: a request in, the shapes out; the last reply is kept for a peer that asks again."""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+from protocol import VERSION
+from protocol.channel import Server
+from protocol.codec import encode
+from protocol.errors import CablecosimError
+from protocol.messages import AnyMessage, Beat, Done, Error, ShapeReply, ShapeRequest, Stop, Welcome
+
+from .paths import Paths
+from .solve import solve
+
+BEAT_PERIOD: Final = 0.1  # s between proofs of life during a long solve
+
+
+class ShapeServer:
+    """Answers shape requests at an address until it is told to stop."""
+
+    def __init__(self, address: str, kernels: str) -> None:
+        self._paths = Paths(kernels)
+        self._channel = Server(address, self._welcome)
+        self._cached: tuple[tuple[bytes, str, int, int], ShapeRequest, bytes] | None = None
+        self._beaten = 0.0
+        self.address = self._channel.address
+
+    def run(self) -> None:
+        """Serve until a `Stop` arrives."""
+        try:
+            while self.serve_one(timeout=0.2):
+                pass
+        finally:
+            self._paths.close()
+            self._channel.close()
+
+    def serve_one(self, timeout: float) -> bool:
+        """Answer one message, if one comes within `timeout` seconds; False after a `Stop`."""
+        self._paths.update()
+        received = self._channel.receive(timeout)
+        if received is None:
+            return True
+        peer, message = received
+        if isinstance(message, Stop):
+            self._channel.send(peer, Done())
+            return False
+        if isinstance(message, ShapeRequest):
+            self._answer(peer, message)
+        else:
+            self._channel.send(peer, _unexpected(message))
+        return True
+
+    def _answer(self, peer: bytes, request: ShapeRequest) -> None:
+        key = (peer, request.session, request.step, request.round)
+        if self._cached is not None and self._cached[0] == key and encode(self._cached[1]) == encode(request):
+            self._channel.send_bytes(peer, self._cached[2])
+            return
+        begun = self._beaten = time.perf_counter()
+
+        def progress(iteration: int, residual: float) -> None:
+            now = time.perf_counter()
+            if now - self._beaten > BEAT_PERIOD:
+                self._beaten = now
+                beat = Beat(session=request.session, step=request.step, round=request.round, iterations=iteration, residual=residual)
+                self._channel.send(peer, beat)
+
+        try:
+            shapes = tuple(
+                solve(problem, request.gravity, tolerance=request.tolerance, path=self._paths.current, progress=progress)
+                for problem in request.problems
+            )
+        except CablecosimError as error:
+            self._channel.send(peer, Error(code="message", sentence=str(error), key=error.key))
+            return
+        reply = ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=time.perf_counter() - begun)
+        data = encode(reply)
+        self._cached = (key, request, data)
+        self._channel.send_bytes(peer, data)
+
+    def _welcome(self) -> Welcome:
+        return Welcome(version=VERSION, role="shape_server", kernels=self._paths.state)
+
+
+def _unexpected(message: AnyMessage) -> Error:
+    kind = type(message).__name__
+    return Error(
+        code="message", sentence=f"a {kind} means nothing to the shape server; it answers ShapeRequest, Hello and Stop", key="type"
+    )
