@@ -278,6 +278,7 @@ class Bill(Part, frozen=True):
     encode: float  # messages to bytes and back, in env_server
     wire: float  # between the two programs: round trip less what the shape server was busy
     wait: float  # held by a pause or by viewers
+    total: float  # the whole step; less than the sum, for the robot moves while the shape server thinks
 
 
 class TouchPoints(Part, frozen=True):

@@ -109,11 +109,13 @@ class Recording:
         snapshot: What does not change during the run.
         frames: Every whole frame, in the order written.
         finished: How the run ended; None if its end is not in the file.
+        ending: Sentence that says where and why reading stopped before the end; empty if it did not.
     """
 
     snapshot: Snapshot
     frames: Frames
     finished: Finished | None
+    ending: str
 
     @property
     def complete(self) -> bool:
@@ -133,20 +135,22 @@ def read(path: Path) -> Recording:
     except (OSError, ValueError) as error:  # ValueError: the file is empty
         raise RecordingError(f"recording {path} cannot be read: {error}", key=str(path)) from error
     whole = _whole_messages(data)
-    snapshot = _decode_at(data, whole[0]) if whole else None
+    snapshot = _decode_at(data, whole[0]) if whole else "it is cut off in its first message"
     if not isinstance(snapshot, Snapshot):
-        raise RecordingError(f"recording {path} does not begin with a whole snapshot", key=str(path))
+        reason = snapshot if isinstance(snapshot, str) else f"it begins with a {type(snapshot).__name__}"
+        raise RecordingError(f"recording {path} does not begin with a snapshot: {reason}", key=str(path))
     bounds: list[tuple[int, int]] = []
-    finished = None
     for bound in whole[1:]:
         message = _decode_at(data, bound)
-        if isinstance(message, Frame):
-            bounds.append(bound)
-            continue
         if isinstance(message, Finished):
-            finished = message
-        break
-    return Recording(snapshot, Frames(data, bounds), finished)
+            return Recording(snapshot, Frames(data, bounds), message, ending="")
+        if not isinstance(message, Frame):
+            reason = message if isinstance(message, str) else f"a {type(message).__name__} does not belong there"
+            return Recording(snapshot, Frames(data, bounds), None, ending=f"message {len(bounds) + 1} cannot be used: {reason}")
+        bounds.append(bound)
+    cut = len(data) - whole[-1][1]
+    ending = f"{cut} bytes of an unfinished message follow" if cut else "the run was not finished"
+    return Recording(snapshot, Frames(data, bounds), None, ending=f"after {len(bounds)} frames, {ending}")
 
 
 def _whole_messages(data: mmap.mmap) -> list[tuple[int, int]]:
@@ -164,8 +168,9 @@ def _whole_messages(data: mmap.mmap) -> list[tuple[int, int]]:
         start = unpacker.tell()
 
 
-def _decode_at(data: mmap.mmap, bound: tuple[int, int]) -> AnyMessage | None:
+def _decode_at(data: mmap.mmap, bound: tuple[int, int]) -> AnyMessage | str:
+    """The message there, or why there is none."""
     try:
         return decode(data[bound[0] : bound[1]])
-    except MessageError:
-        return None
+    except MessageError as error:
+        return str(error)

@@ -1,19 +1,25 @@
 """Distance between the cable's axis and the features it touches, with first and second derivatives.
 
 A row of `Contacts` is a plane (face), an infinite line (edge) or a point (vertex). On a face the material point is fixed.
-On an edge or a vertex the nearest point of the straight segment slides along it, and hops to the neighbouring segment
-where that one is nearer, so a contact moves continuously along the cable within one solve.
+On an edge or a vertex the nearest point of the straight segment slides along it, and a little beyond its ends; there the
+row of the neighbouring segment takes over (`effects.contact` sets rows on neighbours too).
 
-First derivative: the change of n.c with c fixed in its segment (envelope theorem). Second derivative of the distance d
-beyond what a fixed force n gives, with a = m.dc, b = n.dt, t the tangent, m = e x n, mu = m.t for an edge (for a vertex
-m = t, mu = 1, and a further column across):
+The axis bends at its nodes only, and left at that, an edge would be pinned at them: the energy of the discrete rod under a
+sliding force F has a ripple -F kappa/2 (s (h - s) + const) within each segment of length h, as the peak of the moment falls
+between the nodes. The distance is therefore measured from the segment less a bulge b(s), a cubic whose slopes at the ends are
+half the turn alpha of the axis at that node, towards the feature: b' = (-alpha_0 / 2, alpha_1 / 2), b = alpha h / 8 where the
+axis bends around the feature and 0 where it bends away. The bulge cancels the ripple, the force turns smoothly from segment
+to segment, and the axis stays clear by at most kappa h^2 / 8 of what it touches, never too near.
 
-    clamped at a node:   a^2 / d
-    sliding:            -2 a b / mu - d b^2 / mu^2
+First derivative, with c the nearest point, t the tangent, n the normal and e the edge, m = e x n, mu = m.t (for a vertex
+m = t, mu = 1, and a further row across), a = m.dc, b_ = n.dt, d the distance: the point slides by -(a + d b_ / mu) / mu, so
 
-It follows from minimising the distance over the sliding; derived here, checked by differences in the tests. Without it,
-Newton's method diverges on a sharp lip, where the force over the distance (0.5 N / 4.5 mm) is ten times the stiffness of
-the cable. Multiplied by minus the force, it enters the system as border columns with an indefinite compliance.
+    d gap = n.dc + b' (a + d b_ / mu) / mu
+
+and the second derivative beyond what a fixed force gives is -2 a b_ / mu - d b_^2 / mu^2 - b'' (a + d b_ / mu)^2 / mu^2, or
+a^2 / d where the point cannot slide. It follows from minimising the distance over the sliding; derived here, checked by
+differences in the tests. Without it, Newton's method diverges on a sharp lip, where force over distance (0.5 N / 4.5 mm) is
+ten times the stiffness of the cable. Multiplied by minus the force, it enters as rows with an indefinite compliance.
 """
 
 from __future__ import annotations
@@ -23,52 +29,54 @@ from numba import njit
 
 FACE, EDGE, VERTEX = 0, 1, 2
 PARALLEL = 0.05  # sine of the angle below which a segment counts as parallel to an edge
+BEYOND = 0.25  # of a segment, how far past its ends a row still holds
+FAR = 1.0  # m, gap of a row that its neighbour has taken over from
 
 
 @njit(cache=True)
-def _nearest(a, t, length, point, e, feature):  # type: ignore[no-untyped-def]
-    """Fraction along the segment that is nearest to the line or point, and whether it was clamped to an end."""
+def _along(a, t, point, e, feature):  # type: ignore[no-untyped-def]
+    """Place of the nearest point on the segment's line [m from its first node], and whether it can slide."""
     w0, w1, w2 = a[0] - point[0], a[1] - point[1], a[2] - point[2]
     wt = w0 * t[0] + w1 * t[1] + w2 * t[2]
-    if feature == EDGE:
-        we = w0 * e[0] + w1 * e[1] + w2 * e[2]
-        te = t[0] * e[0] + t[1] * e[1] + t[2] * e[2]
-        sine2 = 1.0 - te * te
-        along = (te * we - wt) / sine2 if sine2 > PARALLEL * PARALLEL else 0.5 * length
-        free = sine2 > PARALLEL * PARALLEL
-    else:
-        along = -wt
-        free = True
-    fraction = along / length
-    if fraction <= 0.0:
-        return 0.0, True
-    if fraction >= 1.0:
-        return 1.0, True
-    return fraction, not free
+    if feature == VERTEX:
+        return -wt, True
+    we = w0 * e[0] + w1 * e[1] + w2 * e[2]
+    te = t[0] * e[0] + t[1] * e[1] + t[2] * e[2]
+    sine2 = 1.0 - te * te
+    if sine2 > PARALLEL * PARALLEL:
+        return (te * we - wt) / sine2, True
+    return 0.0, False
 
 
 @njit(cache=True)
-def _offset(a, t, along, point, e, feature, out):  # type: ignore[no-untyped-def]
-    """Vector from the nearest point of the feature to the axis; returns its length."""
-    for k in range(3):
-        out[k] = a[k] + along * t[k] - point[k]
-    if feature == EDGE:
-        we = out[0] * e[0] + out[1] * e[1] + out[2] * e[2]
-        for k in range(3):
-            out[k] -= we * e[k]
-    return np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+def _turn(axes, node, n):  # type: ignore[no-untyped-def]
+    """Turn of the axis at a node towards the feature, in radians."""
+    if node <= 0 or node >= axes.shape[0]:
+        return 0.0
+    before, after = axes[node - 1, 2], axes[node, 2]
+    return -(n[0] * (after[0] - before[0]) + n[1] * (after[1] - before[1]) + n[2] * (after[2] - before[2]))
+
+
+@njit(cache=True)
+def _bulge(x, h, first, last):  # type: ignore[no-untyped-def]
+    """Bulge, slope and second derivative at share x of a segment of length h, from the turns at its ends."""
+    b0, b1 = 0.125 * h * max(first, 0.0), 0.125 * h * max(last, 0.0)
+    s0, s1 = -0.5 * first * h, 0.5 * last * h
+    c2, c3 = 3 * (b1 - b0) - 2 * s0 - s1, 2 * (b0 - b1) + s0 + s1
+    value = b0 + x * (s0 + x * (c2 + x * c3))
+    return value, (s0 + x * (2 * c2 + 3 * c3 * x)) / h, (2 * c2 + 6 * c3 * x) / (h * h)
 
 
 @njit(cache=True)
 def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, given, direction, distance):  # type: ignore[no-untyped-def]
-    """Where each contact is now. `element` and `fraction` are updated in place for edges and vertices.
+    """Where each contact is now. `fraction` is updated in place for edges and vertices.
 
     Args:
         nodes: (n, 3) [m].
         axes: (n-1, 3, 3) directors of the segments.
         lengths: (n-1,) [m].
-        element: (m,) segment of each contact.
-        fraction: (m,) place along it, 0 to 1.
+        element: (m,) segment of each row.
+        fraction: (m,) place along it, 0 to 1, or a little beyond.
         feature: (m,) face, edge or vertex.
         point: (m, 3) [m] on the feature.
         given: (m, 3) unit normal when the contact was found; says on which side the cable is.
@@ -76,58 +84,63 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         distance: (m,) [m] between axis and feature when they touch.
 
     Returns:
-        gap (m,) [m], negative where the cable would have to be pushed; normal (m, 3); slide (m, 3) the vector m above;
-        across (m, 3), zero unless a vertex; mu (m,), zero where the contact does not slide; reach (m,) [m] the distance d.
+        gap (m,) [m], negative where the cable would have to be pushed; normal n (m, 3); push (m, 3), the direction of the
+        force, n + b'/mu m; slide m (m, 3); across (m, 3), zero unless a vertex; and numbers (m, 4): mu (0 where the contact
+        does not slide), d [m], the couple b' d / mu^2 [m], and b'' [1/m].
     """
-    many = element.shape[0]
-    gap, mu, reach = np.empty(many), np.zeros(many), np.empty(many)
-    normal, slide, across = np.empty((many, 3)), np.zeros((many, 3)), np.zeros((many, 3))
+    many, last = element.shape[0], lengths.shape[0] - 1
+    gap, numbers = np.empty(many), np.zeros((many, 4))
+    normal, push, slide, across = np.empty((many, 3)), np.empty((many, 3)), np.zeros((many, 3)), np.zeros((many, 3))
     offset = np.empty(3)
     for c in range(many):
-        j = element[c]
+        j, h, e = element[c], lengths[element[c]], direction[c]
+        if feature[c] != FACE:
+            place, is_free = _along(nodes[j], axes[j, 2], point[c], e, feature[c])
+            share = place / h if is_free else 0.5
+            if (j == 0 and share < 0.0) or (j == last and share > 1.0):
+                share, is_free = min(max(share, 0.0), 1.0), False
+            fraction[c] = min(max(share, -BEYOND), 1.0 + BEYOND)
+        for k in range(3):
+            offset[k] = nodes[j, k] + fraction[c] * h * axes[j, 2, k] - point[c, k]
         if feature[c] == FACE:
-            gap[c] = -distance[c]
-            for k in range(3):
-                normal[c, k] = given[c, k]
-                gap[c] += given[c, k] * (nodes[j, k] + fraction[c] * lengths[j] * axes[j, 2, k] - point[c, k])
-            reach[c] = distance[c]
+            gap[c] = offset[0] * given[c, 0] + offset[1] * given[c, 1] + offset[2] * given[c, 2] - distance[c]
+            normal[c] = given[c]
+            push[c] = given[c]
+            numbers[c, 1] = distance[c]
             continue
-        e = direction[c]
-        place, clamped = _nearest(nodes[j], axes[j, 2], lengths[j], point[c], e, feature[c])
-        size = _offset(nodes[j], axes[j, 2], place * lengths[j], point[c], e, feature[c], offset)
-        for _ in range(8):
-            other = j - 1 if place == 0.0 else (j + 1 if place == 1.0 else -1)
-            if other < 0 or other >= lengths.shape[0]:
-                break
-            place2, clamped2 = _nearest(nodes[other], axes[other, 2], lengths[other], point[c], e, feature[c])
-            size2 = _offset(nodes[other], axes[other, 2], place2 * lengths[other], point[c], e, feature[c], offset)
-            if size2 >= size * (1.0 - 1e-12):
-                break
-            j, place, clamped, size = other, place2, clamped2, size2
-        element[c], fraction[c] = j, place
-        size = _offset(nodes[j], axes[j, 2], place * lengths[j], point[c], e, feature[c], offset)
+        if feature[c] == EDGE:
+            we = offset[0] * e[0] + offset[1] * e[1] + offset[2] * e[2]
+            for k in range(3):
+                offset[k] -= we * e[k]
+        size = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
         side = offset[0] * given[c, 0] + offset[1] * given[c, 1] + offset[2] * given[c, 2]
         signed = size if side >= 0.0 else -size
         for k in range(3):
             normal[c, k] = offset[k] / signed if size > 1e-12 else given[c, k]
+        push[c] = normal[c]
         gap[c] = signed - distance[c]
-        reach[c] = max(signed, 1e-3 * distance[c])
+        d = max(signed, 1e-3 * distance[c])
         n, t = normal[c], axes[j, 2]
+        numbers[c, 1] = d
+        if share < -BEYOND or share > 1.0 + BEYOND:
+            gap[c] = FAR
+            continue
         if feature[c] == EDGE:
             slide[c, 0], slide[c, 1], slide[c, 2] = e[1] * n[2] - e[2] * n[1], e[2] * n[0] - e[0] * n[2], e[0] * n[1] - e[1] * n[0]
-            if not clamped:
-                mu[c] = slide[c, 0] * t[0] + slide[c, 1] * t[1] + slide[c, 2] * t[2]
         else:
             across[c, 0], across[c, 1], across[c, 2] = t[1] * n[2] - t[2] * n[1], t[2] * n[0] - t[0] * n[2], t[0] * n[1] - t[1] * n[0]
-            if clamped:
+            slide[c] = t
+            if not is_free:
                 a = across[c]
                 scale = 1.0 / max(np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2), 1e-12)
                 for k in range(3):
                     across[c, k] *= scale
-                a = across[c]
                 slide[c, 0], slide[c, 1], slide[c, 2] = n[1] * a[2] - n[2] * a[1], n[2] * a[0] - n[0] * a[2], n[0] * a[1] - n[1] * a[0]
-            else:
-                for k in range(3):
-                    slide[c, k] = t[k]
-                mu[c] = 1.0
-    return gap, normal, slide, across, mu, reach
+        if is_free:
+            mu = slide[c, 0] * t[0] + slide[c, 1] * t[1] + slide[c, 2] * t[2]
+            value, slope, bend = _bulge(fraction[c], h, _turn(axes, j, n), _turn(axes, j + 1, n))
+            gap[c] -= value
+            for k in range(3):
+                push[c, k] += slope / mu * slide[c, k]
+            numbers[c, 0], numbers[c, 2], numbers[c, 3] = mu, slope * d / (mu * mu), bend
+    return gap, normal, push, slide, across, numbers

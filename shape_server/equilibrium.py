@@ -1,9 +1,8 @@
 """From a start to a stable equilibrium: Newton with an active set, and an augmented Lagrangian where that is not enough.
 
-`settle` is the warm path. It repeats Newton steps with exact rows; after each, a closed contact that would pull is
-opened, an open one that is penetrated is closed, and a bond that pulls is dropped (primal-dual active set, Hintermueller,
-Ito and Kunisch 2002, "The primal-dual active set strategy as a semismooth Newton method"). It gives up when a step is
-too long, the sets do not settle, or the equilibrium is not stable.
+`settle` is the warm path. It repeats Newton steps with exact rows, in each of which the contacts that push are found from the
+linearised system (see `border`); a bond that pulls is dropped. It gives up when a step is not finite, does not become short,
+or the equilibrium is not stable.
 
 `relax` is the robust path. Rows become penalties with multipliers (augmented Lagrangian; Nocedal and Wright 2006,
 "Numerical Optimization", ch. 17), the Hessian is shifted until its inertia is that of a minimum, and each step is
@@ -18,12 +17,14 @@ from typing import Final
 
 import numpy as np
 
-from .rod import Rod, State, Step, View, energy, look, newton_step
+from .rod import Rod, State, Step, View, energy, hardness_of, look, newton_step
 
 TURN_DONE: Final = 2e-4  # rad; a Newton step this long leaves an error of about its square
 TURN_MAX: Final = 0.6  # rad, of any segment in one step
-WARM_STEPS: Final = 25
+WARM_STEPS: Final = 15
 RELAX_STEPS: Final = 400
+NEUTRAL: Final = 1e-4  # of EI over length squared; a stiffness below this is neutral, not unstable
+GIVE_MAX: Final = 1e-6  # of the length, that a contact may give way
 MISS_DONE: Final = 1e-8  # of the length, for held points
 
 Progress = Callable[[int, float], None]
@@ -45,92 +46,91 @@ class Settled:
 def settle(rod: Rod, state: State, progress: Progress) -> Settled:
     """Newton's method with exact rows from a state nearby."""
     state, view = look(rod, state)
-    state = _close_penetrated(rod, state, view)
-    seen: dict[bytes, int] = {}
     step: Step | None = None
     for iteration in range(1, WARM_STEPS + 1):
-        step = newton_step(rod, state, view)
+        step = newton_step(rod, state, view, shift=NEUTRAL * float(rod.law.max()) / rod.length**2)
         progress(iteration, step.unbalanced)
         longest = float(np.abs(step.turn).max())
         if not longest < 1e3:
             return Settled(state, view, False, False, iteration, step.unbalanced, "a step of the iteration was not finite")
         scale = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0
-        state, view, has_changed = _advance(rod, state, step, scale)
-        if not has_changed and longest < TURN_DONE and _worst_miss(rod, state, view) < MISS_DONE * rod.length:
+        state, view, let_go = _advance(rod, state, step, scale)
+        if not let_go and scale == 1.0 and longest < TURN_DONE and _worst_miss(rod, state, view) < MISS_DONE * rod.length:
             why = "" if step.is_stable else "the equilibrium is not stable"
             return Settled(state, view, True, step.is_stable, iteration, step.unbalanced, why)
-        key = state.touches.tobytes() + state.holds.tobytes()
-        seen[key] = seen.get(key, 0) + has_changed
-        if seen[key] > 3:
-            return Settled(state, view, False, step.is_stable, iteration, step.unbalanced, "the set of closed contacts repeats itself")
     assert step is not None
     return Settled(state, view, False, step.is_stable, WARM_STEPS, step.unbalanced, f"no convergence within {WARM_STEPS} steps")
 
 
 def relax(rod: Rod, state: State, progress: Progress) -> Settled:
     """Descend to a minimum of the energy from any state, then settle there."""
-    stiffness = 30.0 * rod.force_scale / rod.length
+    piece = _shortest_piece(rod)
+    stiffness = 30.0 * (rod.weight + 10.0 * float(rod.law.max()) / piece**2) / piece
     hardness = 10.0 * stiffness
     multiplier = replace(state, push=np.maximum(state.push, 0.0))
-    shift, iteration, polishes = 0.0, 0, 0
+    shift, iteration, helped, unbalanced = 0.0, 0, 0, np.inf
     state, view = look(rod, multiplier)
-    unbalanced = np.inf
-    while iteration < RELAX_STEPS:
+    while iteration < RELAX_STEPS and shift < 1e9 * rod.force_scale:
         state = _soft_forces(multiplier, state, view, stiffness, hardness)
-        softness = (1.0 / stiffness, 1.0 / hardness)
-        step = newton_step(rod, state, view, softness=softness, shift=shift)
+        step = newton_step(rod, state, view, softness=(1.0 / stiffness, 1.0 / hardness), shift=shift)
         iteration += 1
         progress(iteration, step.unbalanced)
         unbalanced = step.unbalanced
-        if not step.is_stable or not np.isfinite(step.turn).all():
-            shift = max(4.0 * shift, 1e-3 * rod.force_scale)
-            if shift > 1e9 * rod.force_scale:
-                return Settled(state, view, False, False, iteration, unbalanced, "no shift makes the energy convex")
-            continue
         longest = float(np.abs(step.turn).max())
-        state, view, accepted = _search(rod, multiplier, state, view, step, min(1.0, TURN_MAX / longest), stiffness, hardness)
-        shift = (
-            shift / 4.0
-            if accepted and shift > 1e-6 * rod.force_scale
-            else (max(4.0 * shift, 1e-3 * rod.force_scale) if not accepted else 0.0)
-        )
-        if longest < 0.05 or not accepted:
-            now = _soft_forces(multiplier, state, view, stiffness, hardness)
-            multiplier = replace(multiplier, force=now.force, push=now.push)
-            if longest < 0.02 and _worst_miss(rod, state, view) < 3e-3 * rod.length and polishes < 12:
-                polishes += 1
-                settled = settle(rod, replace(now, touches=now.push > 0.0), progress)
-                iteration += settled.iterations
-                if settled.is_converged and settled.is_stable:
-                    return replace(settled, iterations=iteration)
-    return Settled(state, view, False, False, iteration, float(unbalanced), f"no minimum found within {RELAX_STEPS} steps")
+        accepted = step.is_stable and longest < np.inf
+        if accepted:
+            scale = min(1.0, TURN_MAX / longest) if longest > 0.0 else 1.0
+            state, view, accepted = _search(rod, multiplier, state, view, step, scale, stiffness, hardness)
+        if not accepted:
+            shift = max(4.0 * shift, 1e-3 * rod.force_scale)
+            continue
+        helped = helped + 1 if shift > 0.0 and longest < 0.05 else 0
+        shift = shift / 4.0 if shift > 1e-3 * rod.force_scale else 0.0
+        if longest >= 0.05:
+            continue
+        now = _soft_forces(multiplier, state, view, stiffness, hardness)
+        multiplier = replace(multiplier, force=now.force, push=now.push)
+        # A step that needed a shift may be on its way to a saddle: wait until it stalls there, then look what it is.
+        is_near = longest < 0.02 if helped == 0 else (longest < 1e-3 or helped > 8)
+        if is_near and _worst_miss(rod, state, view) < 3e-3 * rod.length:
+            settled = settle(rod, replace(now, touches=now.push > 0.0), progress)
+            iteration += settled.iterations
+            if settled.is_converged and settled.is_stable:
+                return replace(settled, iterations=iteration)
+            if helped:
+                helped = 0
+                state, view = look(rod, replace(state, frames=rod.path.retract(state.frames, kick(rod))))
+    why = f"no minimum found within {RELAX_STEPS} steps" if iteration >= RELAX_STEPS else "no step lowers the energy"
+    return Settled(state, view, False, False, iteration, float(unbalanced), why)
+
+
+def kick(rod: Rod) -> np.ndarray:
+    """Small smooth turns (n-1, 3) [rad] without symmetry, the same every time: a way off a saddle."""
+    s = 0.5 * (rod.mesh.s[:-1] + rod.mesh.s[1:])[:, None] / rod.length
+    turn: np.ndarray = 0.05 * np.sin(np.array([2.0, 3.1, 4.3]) * s + np.array([0.3, 1.0, 2.0]))
+    return turn
+
+
+def _shortest_piece(rod: Rod) -> float:
+    """Length of the shortest piece of cable between held points [m], at least a fifth of the cable."""
+    held = rod.mesh.s[rod.held.element] + rod.held.fraction * rod.mesh.lengths[rod.held.element]
+    stops = np.unique(np.append(held, rod.mesh.s[rod.base]))
+    return max(float(np.diff(stops).min(initial=rod.length)), 0.2 * rod.length)
 
 
 def _advance(rod: Rod, state: State, step: Step, scale: float) -> tuple[State, View, bool]:
-    """Take a step, then open the contacts and drop the bonds that would pull, and close those that are penetrated."""
-    push = np.where(state.touches, step.push, 0.0)
-    pulls = state.touches & (push < 0.0)
+    """Take a step, then drop the bonds that pull; whether there were any."""
     let_go = state.holds & (np.einsum("ij,ij->i", step.force, rod.held.normal) < 0.0)
-    force = np.where((state.holds & ~let_go)[:, None], step.force, 0.0)
-    frames = rod.path.retract(state.frames, scale * step.turn)
     moved = replace(
         state,
-        frames=frames,
-        force=force,
+        frames=rod.path.retract(state.frames, scale * step.turn),
+        force=np.where((state.holds & ~let_go)[:, None], step.force, 0.0),
         holds=state.holds & ~let_go,
-        push=np.where(pulls, 0.0, push),
-        touches=state.touches & ~pulls,
+        push=step.push,
+        touches=step.touches,
     )
     moved, view = look(rod, moved)
-    closed = _close_penetrated(rod, moved, view)
-    has_changed = bool(pulls.any() or let_go.any() or (closed.touches != moved.touches).any())
-    return closed, view, has_changed
-
-
-def _close_penetrated(rod: Rod, state: State, view: View) -> State:
-    if rod.touch is None:
-        return state
-    return replace(state, touches=state.touches | (view.gap < -1e-9 * rod.length))
+    return moved, view, bool(let_go.any())
 
 
 def _soft_forces(multiplier: State, state: State, view: View, stiffness: float, hardness: float) -> State:
@@ -164,4 +164,13 @@ def _search(
 
 
 def _worst_miss(rod: Rod, state: State, view: View) -> float:
-    return float(np.abs(view.miss[state.holds]).max(initial=0.0))
+    """Largest distance of a held point from its goal, or of a contact from where its force would have it [m].
+
+    Infinite where a contact gave way further than a force can be meant: a body that the cable cannot escape.
+    """
+    if -view.gap.min(initial=0.0) > GIVE_MAX * rod.length:
+        return np.inf
+    held = float(np.abs(view.miss[state.holds]).max(initial=0.0))
+    balance = view.gap + hardness_of(rod) * state.push
+    wrong = np.where(state.touches, np.abs(balance), np.maximum(-balance, 0.0))
+    return max(held, float(wrong.max(initial=0.0)))

@@ -167,7 +167,8 @@ def _vertex_terms(before: Array, after: Array, cells: Array, law: Array) -> tupl
 
 
 def _outer(a: Array, b: Array) -> Array:
-    return np.einsum("ni,nj->nij", a, b)
+    product: Array = np.einsum("ni,nj->nij", a, b)
+    return product
 
 
 def _cross(a: Array) -> Array:

@@ -10,6 +10,7 @@ import importlib
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
@@ -59,7 +60,14 @@ def is_compiled() -> bool:
     from . import contact_geometry, kernels
 
     functions: tuple[Any, ...] = (kernels.assemble, kernels.factor_and_solve, kernels.retract, contact_geometry.contact_geometry)
-    return all(function._cache._cache_file.load() for function in functions)
+    return all(_has_index(function) for function in functions)
+
+
+def _has_index(function: Any) -> bool:
+    """Whether the cache on disk has an index for the function that is newer than its source."""
+    source = Path(function.py_func.__code__.co_filename)
+    indices = Path(function.stats.cache_path).glob(f"{source.stem}.{function.__name__}-*.nbi")
+    return any(index.stat().st_mtime >= source.stat().st_mtime for index in indices)
 
 
 def compile_kernels() -> ModuleType:

@@ -19,6 +19,7 @@ from types import ModuleType
 
 import numpy as np
 
+from .border import Border, curvature_rows
 from .contact_geometry import contact_geometry
 from .effects.contact import SOFTNESS, OneSided
 from .mesh import Mesh
@@ -71,8 +72,7 @@ class State:
     holds: np.ndarray  # (k,) bool, whether the point is held (a bond may have let go)
     push: np.ndarray  # (m,) N, at one-sided contacts
     touches: np.ndarray  # (m,) bool, whether the contact is taken as closed
-    element: np.ndarray  # (m,) int, segment of each contact
-    fraction: np.ndarray  # (m,) place along it
+    fraction: np.ndarray  # (m,) place of each contact along its segment
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ class View:
     miss: np.ndarray  # (k, 3) m, held point less its goal
     gap: np.ndarray  # (m,) m
     normal: np.ndarray  # (m, 3)
+    push: np.ndarray  # (m, 3) direction of the force at each contact
     slide: np.ndarray  # (m, 3)
     across: np.ndarray  # (m, 3)
-    mu: np.ndarray  # (m,)
-    reach: np.ndarray  # (m,) m
+    numbers: np.ndarray  # (m, 4), see `contact_geometry`
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,7 @@ class Step:
     turn: np.ndarray  # (n-1, 3) rad
     force: np.ndarray  # (k, 3) N, new forces at held points
     push: np.ndarray  # (m,) N, new forces at contacts
+    touches: np.ndarray  # (m,) bool, contacts that push
     is_stable: bool
     unbalanced: float  # N m, largest entry of the gradient before the step
     slope: float  # J, gradient . turn
@@ -115,7 +116,6 @@ def start_state(rod: Rod, frames: np.ndarray) -> State:
         holds=np.ones(len(rod.held.element), dtype=bool),
         push=push,
         touches=push > 0.0,
-        element=touch.element.copy() if touch is not None else np.zeros(0, dtype=np.int64),
         fraction=touch.fraction.copy() if touch is not None else _NO_ROWS,
     )
 
@@ -129,13 +129,13 @@ def look(rod: Rod, state: State) -> tuple[State, View]:
     touch = rod.touch
     if touch is None:
         rows = _NO_ROWS.reshape(0, 3)
-        return state, View(axes, nodes, at - held.goal, _NO_ROWS, rows, rows, rows, _NO_ROWS, _NO_ROWS)
-    element, fraction = state.element.copy(), state.fraction.copy()
-    gap, normal, slide, across, mu, reach = contact_geometry(
-        nodes, axes, rod.mesh.lengths, element, fraction, touch.feature, touch.point, touch.normal, touch.direction, touch.distance
+        return state, View(axes, nodes, at - held.goal, _NO_ROWS, rows, rows, rows, rows, np.zeros((0, 4)))
+    fraction = state.fraction.copy()
+    seen = contact_geometry(
+        nodes, axes, rod.mesh.lengths, touch.element, fraction, touch.feature, touch.point, touch.normal, touch.direction, touch.distance
     )
-    moved = replace(state, element=element, fraction=fraction)
-    return moved, View(axes, nodes, at - held.goal, gap, normal, slide, across, mu, reach)
+    moved = replace(state, fraction=fraction)
+    return moved, View(axes, nodes, at - held.goal, *seen)
 
 
 def node_forces(rod: Rod, state: State, view: View) -> np.ndarray:
@@ -145,7 +145,7 @@ def node_forces(rod: Rod, state: State, view: View) -> np.ndarray:
     _share(forces, rod.held.element[held], rod.held.fraction[held], state.force[held])
     if rod.touch is not None:
         on = state.push != 0.0
-        _share(forces, state.element[on], state.fraction[on], state.push[on, None] * view.normal[on])
+        _share(forces, rod.touch.element[on], state.fraction[on], state.push[on, None] * view.push[on])
     return forces
 
 
@@ -155,8 +155,16 @@ def energy(rod: Rod, state: State, view: View) -> float:
     return elastic - float(np.vdot(rod.loads, view.nodes))
 
 
+def hardness_of(rod: Rod) -> float:
+    """Compliance of an exact contact [m/N]."""
+    return SOFTNESS / rod.force_scale
+
+
 def newton_step(rod: Rod, state: State, view: View, *, softness: tuple[float, float] | None = None, shift: float = 0.0) -> Step:
-    """One Newton step from a state with the present sets of holds and touches.
+    """One Newton step from a state.
+
+    With exact rows, which contacts push is part of the step: of the linearised system it is the one solution in which every
+    contact is open or pushes. Otherwise the present set of touches stays.
 
     Args:
         rod: The system.
@@ -170,112 +178,78 @@ def newton_step(rod: Rod, state: State, view: View, *, softness: tuple[float, fl
     carried = rod.path.carried_forces(node_forces(rod, state, view), rod.base)
     gradient, diagonal, upper = rod.path.assemble(state.frames, view.axes, lengths, rod.law, rod.clamp_of_node, rod.clamp_frames, carried)
     _fix_gauge(rod, diagonal, shift)
+    couples = _couples(rod, view)
+    _add_couples(gradient, couples, -state.push)
     border = _border(rod, state, view, softness)
     right = np.empty((len(lengths), 3, border.count + 1))
     matrix = rod.path.columns(view.axes, lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
+    if len(couples.row):
+        at = border.first_contact + np.searchsorted(border.contacts, couples.row)
+        has_row = np.isin(couples.row, border.contacts)
+        matrix[couples.element[has_row], :2, at[has_row]] += couples.arm[has_row]
     right[:, :, :-1] = matrix
     right[:, :, -1] = gradient
     solved, negative = rod.path.factor_and_solve(diagonal, upper, right)
-    flat, answers = matrix.reshape(-1, border.count), solved.reshape(-1, border.count + 1)
+    size = 3 * len(lengths)
+    flat, answers = matrix.reshape(size, border.count), solved.reshape(size, border.count + 1)
     schur = flat.T @ answers
-    small, rest = schur[:, :-1] + border.compliance, schur[:, -1]
-    change, positive = _solve_border(small, rest - border.residual)
-    turn = (answers[:, :-1] @ change - answers[:, -1]).reshape(-1, 3)
+    closed = border.close(schur[:, :-1] + border.compliance, schur[:, -1] - border.residual, state.push)
+    turn = (answers[:, :-1] @ closed.change - answers[:, -1]).reshape(-1, 3)
     force, push = state.force.copy(), state.push.copy()
-    rows = 3 * int(state.holds.sum())
-    force[state.holds] += change[:rows].reshape(-1, 3)
-    push[state.touches] += change[rows : rows + int(state.touches.sum())]
+    held, rows = int(state.holds.sum()), border.contacts
+    force[state.holds] += closed.change[: 3 * held].reshape(-1, 3)
+    push[rows] += closed.change[3 * held : 3 * held + len(rows)]
+    touches = state.touches.copy()
+    touches[rows] = closed.is_closed
+    push[~touches] = 0.0
     return Step(
         turn=turn,
         force=force,
         push=push,
-        is_stable=negative + positive == border.expected,
-        unbalanced=float(np.abs(gradient).max()),
+        touches=touches,
+        is_stable=negative + closed.positive == closed.row_count + border.saddles,
+        unbalanced=float(np.abs(gradient).max(initial=0.0)),
         slope=float(np.vdot(gradient, turn)),
     )
 
 
-@dataclass(frozen=True)
-class _Border:
-    count: int
-    element: np.ndarray
-    fraction: np.ndarray
-    vector: np.ndarray
-    is_turn: np.ndarray
-    compliance: np.ndarray  # (count, count)
-    residual: np.ndarray  # (count,)
-    expected: int  # negative directions that a stable state has
+def _border(rod: Rod, state: State, view: View, softness: tuple[float, float] | None) -> Border:
+    """Rows of all holds, then contacts, then the curvature of the touched features.
 
-
-def _border(rod: Rod, state: State, view: View, softness: tuple[float, float] | None) -> _Border:
-    """Border columns of all holds, then all touches, then the curvature of the touched features."""
+    Contacts are those that may push: all of them with exact rows, those that touch otherwise.
+    """
     held = np.flatnonzero(state.holds)
-    on = np.flatnonzero(state.touches)
-    hold_count, touch_count = 3 * len(held), len(on)
-    element = [np.repeat(rod.held.element[held], 3), state.element[on]]
-    fraction = [np.repeat(rod.held.fraction[held], 3), state.fraction[on]]
-    vector = [np.tile(np.eye(3), (len(held), 1)), view.normal[on]]
-    curved = [c for c in on.tolist() if view.slide[c].any() and state.push[c] > 1e-9 * rod.force_scale]
-    pieces, turns, expected = _curvature_rows(state, view, curved)
-    if pieces:
-        element.append(np.array([state.element[c] for c, _ in pieces]))
-        fraction.append(np.array([state.fraction[c] for c, _ in pieces]))
-        vector.append(np.array([v for _, v in pieces]))
-    count = hold_count + touch_count + len(pieces)
-    is_turn = np.zeros(count, dtype=np.int64)
-    compliance = np.zeros((count, count))
-    residual = np.zeros(count)
+    rows = np.flatnonzero(state.touches) if softness is not None else np.arange(len(state.touches))
+    curved = [c for c in np.flatnonzero(state.push > 1e-9 * rod.force_scale).tolist() if view.slide[c].any()]
+    curvature = curvature_rows(view.slide, view.across, view.normal, view.numbers, state.push, curved)
+    hold_count, touch_count = 3 * len(held), len(rows)
+    count = hold_count + touch_count + len(curvature.contact)
+    compliance, residual = np.zeros((count, count)), np.zeros(count)
     touched = np.arange(hold_count, hold_count + touch_count)
     if softness is None:
-        hard = SOFTNESS / max(rod.weight, 1e-9 * rod.force_scale)
+        hard = hardness_of(rod)
         compliance[touched, touched] = hard
         residual[:hold_count] = view.miss[held].ravel()
-        residual[touched] = view.gap[on] + hard * state.push[on]
+        residual[touched] = view.gap[rows] + hard * state.push[rows]
     else:
         compliance[np.arange(hold_count), np.arange(hold_count)] = softness[0]
         compliance[touched, touched] = softness[1]
-    for first, block, turned in turns:
-        at = hold_count + touch_count + first
-        compliance[at : at + len(block), at : at + len(block)] = block
-        if turned:
-            is_turn[at + 1] = 1
-    rows = (np.concatenate(element), np.concatenate(fraction), np.concatenate(vector))
-    return _Border(count, *rows, is_turn, compliance, residual, hold_count + touch_count + expected)
-
-
-def _curvature_rows(
-    state: State, view: View, curved: list[int]
-) -> tuple[list[tuple[int, np.ndarray]], list[tuple[int, np.ndarray, bool]], int]:
-    """Columns (contact, vector), compliance blocks (first column, block, whether its second column is a turn), inertia."""
-    pieces: list[tuple[int, np.ndarray]] = []
-    blocks: list[tuple[int, np.ndarray, bool]] = []
-    expected = 0
-    for c in curved:
-        bend = view.reach[c] / state.push[c]
-        if view.mu[c] != 0.0:
-            block = np.array([[-bend, view.mu[c] / state.push[c]], [view.mu[c] / state.push[c], 0.0]])
-            blocks.append((len(pieces), block, True))
-            pieces += [(c, view.slide[c]), (c, view.normal[c])]
-            expected += 1
-        else:
-            blocks.append((len(pieces), np.array([[-bend]]), False))
-            pieces.append((c, view.slide[c]))
-        if view.across[c].any():
-            blocks.append((len(pieces), np.array([[-bend]]), False))
-            pieces.append((c, view.across[c]))
-    return pieces, blocks, expected
-
-
-def _solve_border(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, int]:
-    """Solution of the border system and the number of positive eigenvalues of its matrix."""
-    if len(right) == 0:
-        return right, 0
-    # Rows of force and of moment differ by orders of magnitude; scaling keeps the signs of the eigenvalues.
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-9 * np.abs(matrix).max(axis=1)) + 1e-300)
-    values, vectors = np.linalg.eigh(scale[:, None] * matrix * scale)
-    floor = 1e-14 * np.abs(values).max()
-    safe = np.where(np.abs(values) < floor, np.copysign(floor, values), values)
-    return scale * (vectors @ ((vectors.T @ (scale * right)) / safe)), int((values > 0).sum())
+    compliance[hold_count + touch_count :, hold_count + touch_count :] = curvature.compliance
+    bent = np.array(curvature.contact, dtype=np.int64)
+    element = rod.touch.element if rod.touch is not None else np.zeros(0, dtype=np.int64)
+    return Border(
+        count=count,
+        element=np.concatenate([np.repeat(rod.held.element[held], 3), element[rows], element[bent]]),
+        fraction=np.concatenate([np.repeat(rod.held.fraction[held], 3), state.fraction[rows], state.fraction[bent]]),
+        vector=np.concatenate([np.tile(np.eye(3), (len(held), 1)), view.push[rows], curvature.vector]),
+        is_turn=np.concatenate([np.zeros(hold_count + touch_count, dtype=np.int64), curvature.is_turn]),
+        compliance=compliance,
+        residual=residual,
+        contacts=rows,
+        first_contact=hold_count,
+        saddles=curvature.saddles,
+        is_exact=softness is None,
+    )
 
 
 def _fix_gauge(rod: Rod, diagonal: np.ndarray, shift: float) -> None:
@@ -286,6 +260,28 @@ def _fix_gauge(rod: Rod, diagonal: np.ndarray, shift: float) -> None:
     if len(rod.clamp_frames) == 0:
         segment = min(rod.base, len(rod.mesh.lengths) - 1)
         diagonal[segment, 2, 2] += rod.law[2] / rod.length
+
+
+@dataclass(frozen=True)
+class _Couples:
+    """Moments of contact forces about the axis: the force acts at the feature, not at the axis."""
+
+    row: np.ndarray  # (c,) int, contacts with a couple
+    element: np.ndarray  # (c,) int, segments
+    arm: np.ndarray  # (c, 2) m, change of the gap with the rotation of the segment about d1 and d2
+
+
+def _couples(rod: Rod, view: View) -> _Couples:
+    row = np.flatnonzero(view.numbers[:, 2])
+    element = rod.touch.element[row] if rod.touch is not None else np.zeros(0, dtype=np.int64)
+    first = np.einsum("ij,ij->i", view.normal[row], view.axes[element, 0])
+    second = np.einsum("ij,ij->i", view.normal[row], view.axes[element, 1])
+    return _Couples(row, element, view.numbers[row, 2, None] * np.column_stack([-second, first]))
+
+
+def _add_couples(gradient: np.ndarray, couples: _Couples, push: np.ndarray) -> None:
+    """Add the couples of the forces `push` (m,) to a gradient (n-1, 3)."""
+    np.add.at(gradient, (couples.element[:, None], np.array([0, 1])), push[couples.row, None] * couples.arm)
 
 
 def _share(forces: np.ndarray, element: np.ndarray, fraction: np.ndarray, force: np.ndarray) -> None:

@@ -16,7 +16,7 @@ from protocol.scene import Vector
 
 from . import effects, numpy_path, reading
 from .cold import curve_frames
-from .equilibrium import Progress, Settled, relax, settle
+from .equilibrium import Progress, Settled, kick, relax, settle
 from .hanging import solve_hanging
 from .mesh import Mesh, even, from_nodes, halved
 from .rod import Held, Rod, State, start_state
@@ -151,7 +151,7 @@ def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0
     for level, finer in enumerate(meshes):
         next_rod = make_rod(problem, task.gravity, task.used, finer, task.path)
         if rod is None or found is None:
-            begin = start_state(next_rod, curve_frames(finer, problem.grasps, gravity))
+            begin = start_state(next_rod, task.path.retract(curve_frames(finer, problem.grasps, gravity), kick(next_rod)))
             after = relax(next_rod, replace(begin, force=np.zeros_like(begin.force)), task.progress)
         else:
             begin = _transfer(next_rod, rod, found.state)
@@ -186,7 +186,12 @@ def _transfer(finer: Rod, coarser: Rod, state: State) -> State:
     frames = np.column_stack([np.interp(here, there, aligned[:, k]) for k in range(4)])
     frames /= np.linalg.norm(frames, axis=1, keepdims=True)
     moved = start_state(finer, frames)
-    return replace(moved, force=state.force.copy(), holds=state.holds.copy(), push=state.push.copy(), touches=state.touches.copy())
+    push = np.zeros(len(moved.push))
+    if finer.touch is not None and coarser.touch is not None:
+        total = np.bincount(coarser.touch.index, weights=state.push, minlength=int(finer.touch.index.max()) + 1)
+        first = np.unique(finer.touch.index, return_index=True)[1]
+        push[first] = total[finer.touch.index[first]]
+    return replace(moved, force=state.force.copy(), holds=state.holds.copy(), push=push, touches=push > 0.0)
 
 
 def _estimate(coarse_rod: Rod, coarse: Settled, rod: Rod, found: Settled) -> float:
@@ -218,8 +223,8 @@ def _shape(task: _Task, rod: Rod, found: Settled, sentence: str, error: float, t
         contact_s[:] = problem.contacts.s
         contact_forces[problem.contacts.friction == FRICTION_CODES.index(Friction.BOND)] = state.force[grasp_count - 1 :]
         if rod.touch is not None:
-            contact_forces[rod.touch.index] = state.push[:, None] * view.normal
-            contact_s[rod.touch.index] = rod.mesh.s[state.element] + state.fraction * rod.mesh.lengths[state.element]
+            np.add.at(contact_forces, rod.touch.index, state.push[:, None] * view.push)
+            contact_s = _slid(rod, state, contact_s)
     wrenches[0, :3] = -(rod.loads.sum(axis=0) + wrenches[1:, :3].sum(axis=0) + contact_forces.sum(axis=0))
     return Shape(
         s=rod.mesh.s,
@@ -244,6 +249,15 @@ def _shape(task: _Task, rod: Rod, found: Settled, sentence: str, error: float, t
             path="numpy" if rod.path is numpy_path else "numba",
         ),
     )
+
+
+def _slid(rod: Rod, state: State, s: np.ndarray) -> np.ndarray:
+    """Where along the cable every contact is (m,) [m]: the middle of its rows, by their forces; where it was if it is open."""
+    assert rod.touch is not None
+    place = rod.mesh.s[rod.touch.element] + state.fraction * rod.mesh.lengths[rod.touch.element]
+    force = np.bincount(rod.touch.index, weights=state.push, minlength=len(s))
+    moment = np.bincount(rod.touch.index, weights=state.push * place, minlength=len(s))
+    return np.where(force > 0.0, moment / np.where(force > 0.0, force, 1.0), s)
 
 
 def _catenary(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:

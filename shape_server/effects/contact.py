@@ -3,7 +3,7 @@
 gap >= 0, force >= 0, gap * force = 0 for every row, the gap and its normal from `contact_geometry`. The force acts at the
 nearest point of the axis and is shared by the two nodes of its segment. A compliance of `SOFTNESS` weights of the cable
 takes the place of perfect hardness: two rows at one point then share their force evenly, and the gap is below zero by
-1e-7 m for a force as large as the weight.
+1e-7 m for a force as large as the weight (or as 10 EI / L^2, which is added to it).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from protocol.kinds import Feature
 from protocol.messages import Contacts
 
 from ..mesh import Mesh
@@ -23,7 +24,7 @@ SOFTNESS = 1e-7  # m by which a contact gives way under the cable's whole weight
 class OneSided:
     """One-sided rows; `index` says which contact of the request each one is."""
 
-    index: np.ndarray  # (m,) int
+    index: np.ndarray  # (m,) int; several rows may belong to one contact
     element: np.ndarray  # (m,) int, segment where it was found
     fraction: np.ndarray  # (m,) place along that segment
     feature: np.ndarray  # (m,) int
@@ -35,17 +36,59 @@ class OneSided:
 
 
 def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
-    """Rows for the contacts whose indices are `chosen` (m,)."""
+    """Rows for the contacts whose indices are `chosen` (m,).
+
+    An edge or a vertex gets a row on the segment where it was found and on both neighbours, unless another contact with the
+    same feature is nearer there. The contact then passes from segment to segment without a jump: over a convex bend both
+    segments beside a node touch the edge for a while.
+    """
     element, fraction = mesh.locate(contacts.s[chosen])
-    normal = contacts.normal[chosen]
+    push = np.maximum(np.einsum("ij,ij->i", contacts.force[chosen], contacts.normal[chosen]), 0.0)
+    source = [(k, int(j)) for k, j in enumerate(element) if contacts.feature[chosen[k]] == Feature.FACE]
+    for group in _by_feature(contacts, [k for k in range(len(chosen)) if contacts.feature[chosen[k]] != Feature.FACE], chosen):
+        taken = {int(element[k]): k for k in reversed(group)}
+        near = {j + step for j in taken for step in (-1, 1) if 0 <= j + step < len(mesh.lengths)} - taken.keys()
+        middle = 0.5 * (mesh.s[:-1] + mesh.s[1:])
+        taken |= {j: min(group, key=lambda k: abs(contacts.s[chosen[k]] - middle[j])) for j in near}
+        source += [(k, j) for j, k in taken.items()]
+    source.sort(key=lambda item: (item[1], item[0]))
+    of = np.array([k for k, _ in source], dtype=np.int64)
+    segment = np.array([j for _, j in source], dtype=np.int64)
+    is_own = segment == element[of]
+    index = chosen[of]
     return OneSided(
-        index=chosen,
-        element=element,
-        fraction=fraction,
-        feature=contacts.feature[chosen],
-        point=contacts.point[chosen],
-        normal=normal,
-        direction=contacts.direction[chosen],
-        distance=contacts.distance[chosen],
-        push=np.maximum(np.einsum("ij,ij->i", contacts.force[chosen], normal), 0.0),
+        index=index,
+        element=segment,
+        fraction=np.where(is_own, fraction[of], np.where(segment < element[of], 1.0, 0.0)),
+        feature=contacts.feature[index],
+        point=contacts.point[index],
+        normal=contacts.normal[index],
+        direction=contacts.direction[index],
+        distance=contacts.distance[index],
+        push=np.where(is_own, push[of], 0.0),
     )
+
+
+def _by_feature(contacts: Contacts, rows: list[int], chosen: np.ndarray) -> list[list[int]]:
+    """The rows of edges and vertices, grouped by the line or point that they touch, the strongest first in each group."""
+    groups: list[list[int]] = []
+    for k in sorted(rows, key=lambda k: -float(np.abs(contacts.force[chosen[k]]).max())):
+        for group in groups:
+            if _is_same_feature(contacts, int(chosen[k]), int(chosen[group[0]])):
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return groups
+
+
+def _is_same_feature(contacts: Contacts, one: int, other: int) -> bool:
+    if contacts.feature[one] != contacts.feature[other] or contacts.body[one] != contacts.body[other]:
+        return False
+    direction = contacts.direction[one]
+    offset = contacts.point[one] - contacts.point[other]
+    near = 1e-9 + 1e-6 * float(contacts.distance[one])
+    if contacts.feature[one] == Feature.EDGE and abs(abs(direction @ contacts.direction[other]) - 1.0) > 1e-9:
+        return False
+    away = offset - (offset @ direction) * direction
+    return bool(np.abs(away).max() < near)

@@ -1,0 +1,80 @@
+"""Start the environment by hand: `python -m env_server --scene FILE.json --shape ADDRESS`."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+
+from protocol import scene_file
+from protocol.channel import private_directory
+from protocol.errors import CablecosimError, SceneError
+
+from .server import Run
+
+
+def main() -> int:
+    """Run one scene; 0 in good order, 1 if the run failed on its way, 2 with a sentence for a mistake."""
+    arguments = _parser().parse_args()
+    try:
+        box = private_directory() if None in (arguments.frames, arguments.live, arguments.control) else Path()
+        run = Run(
+            _read_scene(Path(arguments.scene)),
+            shape=arguments.shape,
+            frames=arguments.frames or f"ipc://{box}/frames",
+            live=arguments.live or f"ipc://{box}/live",
+            control=arguments.control or f"ipc://{box}/control",
+        )
+        signal.signal(signal.SIGTERM, lambda number, frame: _stop(run, number, frame))
+        signal.signal(signal.SIGINT, lambda number, frame: _stop(run, number, frame))
+        try:
+            for purpose, address in run.addresses.items():
+                sys.stdout.write(f"{purpose:8s}{address}\n")
+            sys.stdout.flush()
+            sentence = run.go(at_once=arguments.start)
+        finally:
+            run.close()
+    except CablecosimError as error:
+        sys.stderr.write(f"env_server: {error}\n")
+        return 2
+    if sentence:
+        sys.stdout.write(f"env_server: {sentence}\n")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m env_server",
+        description="Owns time and bodies: moves grippers, robot and bodies, finds where the cables touch, and publishes every step.",
+        epilog="Addresses are ipc://PATH or tcp://127.0.0.1:PORT; without one, a private ipc path is made and printed.",
+    )
+    parser.add_argument(
+        "--scene", metavar="FILE", required=True, help="resolved scene, as written by: cablecosim check SCENE --resolve FILE"
+    )
+    parser.add_argument("--shape", metavar="ADDRESS", required=True, help="where the shape server listens, now or soon")
+    parser.add_argument("--frames", metavar="ADDRESS", help="publish every frame here, without loss, for recorders")
+    parser.add_argument("--live", metavar="ADDRESS", help="publish frames here for looking; a slow viewer sees only the newest")
+    parser.add_argument("--control", metavar="ADDRESS", help="answer start, pause, stop, snapshot and statistics here")
+    parser.add_argument("--start", action="store_true", help="step as soon as the scene is ready, without waiting to be started")
+    return parser
+
+
+def _read_scene(path: Path) -> scene_file.Scene:
+    try:
+        return scene_file.read(path.read_bytes())
+    except OSError as error:
+        raise SceneError(f"--scene: '{path}' cannot be read ({error.strerror}); give a resolved scene file", key="--scene") from error
+
+
+def _stop(run: Run, number: int, frame: FrameType | None) -> None:
+    run.stop()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

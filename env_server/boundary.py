@@ -1,0 +1,211 @@
+"""Contacts of one cable as boundary conditions: which are kept, added and dropped (the paper's Fig. 9, sections 3.1 to 3.3).
+
+A place within reach of a body is handed to the shape server as a one-sided row; the server decides which rows push. On a
+body with friction `none` (F_0) that is all. On a body with friction `bond` (F_inf) a place that pushes becomes a bond once
+the step has settled: from then on the touched point of the cable stays at the touched point of the body, until it would
+have to pull (the server drops it), or until the cable between it and the next fixed point is taut: then material is drawn
+through so that this part stays straight (the distance criterion, 3.2). Which contacts exist is a matter of the path taken
+(the motion criterion, 3.3); nothing else is remembered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from protocol.kinds import FRICTION_CODES, Friction
+from protocol.messages import Contacts, Grasps, Shape
+
+from .poses import inside, outside, turn_inside, turn_outside
+from .touch import Candidates
+
+DEPTH_OK: Final = 2e-6  # m; deeper, and the boundary conditions are evaluated again
+GAP_OK: Final = 1e-5  # m; a contact that pushes must be no further than this from its body, besides the bulge of the axis
+SAME_NORMAL: Final = 0.98  # cosine between two normals of one contact
+TAUT: Final = 1e-5  # of the length; a part with less slack than this is taut
+FREE, BONDED = FRICTION_CODES.index(Friction.NONE), FRICTION_CODES.index(Friction.BOND)
+
+
+@dataclass(frozen=True)
+class Bond:
+    """A point of the cable that sticks to a point of a body."""
+
+    surface: int
+    s: float  # m, arc length
+    point: np.ndarray  # (3,) m, in the body's frame
+    normal: np.ndarray  # (3,) in the body's frame
+    force: np.ndarray  # (3,) N, on the cable, world
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """Contacts that carried a force in the last shape, one row each."""
+
+    surface: np.ndarray  # (p,) int
+    s: np.ndarray  # (p,) m
+    normal: np.ndarray  # (p, 3)
+    force: np.ndarray  # (p, 3) N
+    point: np.ndarray  # (p, 3) m, on the body
+    is_bond: np.ndarray  # (p,) bool
+    bulge: float  # m, how far the curved axis may stand off from the straight segments, kappa h^2 / 8
+
+
+NO_PUSHES: Final = Pushes(
+    surface=np.zeros(0, dtype=np.int64),
+    s=np.zeros(0),
+    normal=np.zeros((0, 3)),
+    force=np.zeros((0, 3)),
+    point=np.zeros((0, 3)),
+    is_bond=np.zeros(0, dtype=bool),
+    bulge=0.0,
+)
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The contacts of one cable; a new value after every change, so that a step that fails is forgotten."""
+
+    radius: float  # m
+    length: float  # m
+    bonding: np.ndarray  # (surfaces,) bool, whose friction is `bond`
+    bonds: tuple[Bond, ...] = ()
+    pushes: Pushes = NO_PUSHES
+
+    def contacts(self, candidates: Candidates, s: np.ndarray, poses: np.ndarray) -> Contacts | None:
+        """The rows to ask the shape server about; None if nothing is within reach.
+
+        Args:
+            candidates: Places within reach.
+            s: (n,) [m] Arc length of the nodes that they refer to.
+            poses: (surfaces, 7) Poses of all surfaces.
+        """
+        place = s[candidates.segment] + candidates.fraction * np.diff(s)[candidates.segment]
+        spacing = float(np.diff(s).max())
+        free = np.ones(len(place), dtype=bool)
+        for bond in self.bonds:
+            free &= (candidates.body != bond.surface) | (np.abs(place - bond.s) > 0.75 * spacing)
+        count, bonds = int(free.sum()), self.bonds
+        if count + len(bonds) == 0:
+            return None
+        bond_rows = [(outside(poses[b.surface], b.point), turn_outside(poses[b.surface], b.normal)) for b in bonds]
+        body = np.concatenate([candidates.body[free], np.array([b.surface for b in bonds], dtype=np.int64)])
+        normal = np.vstack([candidates.normal[free], *(row for _, row in bond_rows)])
+        where = np.concatenate([place[free], np.array([b.s for b in bonds])])
+        force = np.zeros((count + len(bonds), 3))
+        self._share_pushes(body[:count], where[:count], normal[:count], force[:count], spacing)
+        for row, bond in enumerate(bonds):
+            force[count + row] = bond.force
+        return Contacts(
+            s=where,
+            body=body,
+            feature=np.concatenate([candidates.feature[free], np.zeros(len(bonds), dtype=np.int64)]),
+            point=np.vstack([candidates.point[free], *(row for row, _ in bond_rows)]),
+            normal=normal,
+            direction=np.vstack([candidates.direction[free], np.zeros((len(bonds), 3))]),
+            distance=np.full(count + len(bonds), self.radius),
+            friction=np.concatenate([np.full(count, FREE), np.full(len(bonds), BONDED)]),
+            force=force,
+        )
+
+    def after(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray) -> Boundary:
+        """What the shape server's answer leaves of the contacts it was asked about."""
+        if contacts is None:
+            return replace(self, bonds=(), pushes=NO_PUSHES)
+        size = np.einsum("ij,ij->i", shape.contact_forces, shape.contact_forces)
+        on = np.flatnonzero(size > 0.0)
+        first_bond = len(contacts.s) - len(self.bonds)
+        bonds = tuple(
+            replace(bond, force=shape.contact_forces[first_bond + row])
+            for row, bond in enumerate(self.bonds)
+            if size[first_bond + row] > 0.0
+        )
+        force = shape.contact_forces[on]
+        is_bond = on >= first_bond
+        normal = np.where(is_bond[:, None], contacts.normal[on], force / np.sqrt(size[on])[:, None])
+        where = shape.contact_s[on]
+        bulge = float(shape.curvature.max()) * float(np.diff(shape.s).max()) ** 2 / 8
+        pushes = Pushes(contacts.body[on], where, normal, force, _axis(shape, where) - self.radius * normal, is_bond, bulge)
+        return replace(self, bonds=bonds, pushes=pushes)
+
+    def is_settled(self, candidates: Candidates, s: np.ndarray) -> bool:
+        """Whether nothing is penetrated, and every push comes from a body that is really there."""
+        if candidates.penetration > DEPTH_OK or candidates.is_crossing.any():
+            return False
+        spacing = np.diff(s)
+        place = s[candidates.segment] + candidates.fraction * spacing[candidates.segment]
+        pushes = self.pushes
+        near = candidates.gap < GAP_OK + pushes.bulge
+        for row in np.flatnonzero(~pushes.is_bond).tolist():
+            there = near & (candidates.body == pushes.surface[row]) & (np.abs(place - pushes.s[row]) < 1.01 * spacing.max())
+            if not (candidates.normal[there] @ pushes.normal[row] > SAME_NORMAL).any():
+                return False
+        return True
+
+    def bonded(self, poses: np.ndarray) -> Boundary:
+        """With every push on a bonding body turned into a bond; once a step has settled."""
+        pushes = self.pushes
+        new = tuple(
+            Bond(
+                surface=surface,
+                s=float(pushes.s[row]),
+                point=inside(poses[surface], pushes.point[row]),
+                normal=turn_inside(poses[surface], pushes.normal[row]),
+                force=pushes.force[row],
+            )
+            for row, surface in enumerate(pushes.surface.tolist())
+            if self.bonding[surface] and not pushes.is_bond[row]
+        )
+        return replace(self, bonds=self.bonds + new) if new else self
+
+    def drawn_through(self, grasps: Grasps, poses: np.ndarray) -> Boundary:
+        """With material drawn through the bonds where the cable would be stretched (the distance criterion, 3.2)."""
+        if not self.bonds:
+            return self
+        bonds = sorted(self.bonds, key=lambda bond: bond.s)
+        points = [outside(poses[b.surface], b.point + self.radius * b.normal) for b in bonds]
+        fixed = sorted(
+            [(float(at), point, -1) for at, point in zip(grasps.s, grasps.position, strict=True)]
+            + [(bond.s, point, index) for index, (bond, point) in enumerate(zip(bonds, points, strict=True))],
+            key=lambda item: item[0],
+        )
+        at = np.array([item[0] for item in fixed])
+        needed = np.array([np.linalg.norm(b[1] - a[1]) for a, b in zip(fixed, fixed[1:], strict=False)]) * (1 + TAUT)
+        movable = np.array([item[2] >= 0 for item in fixed])
+        for _ in range(2 * len(fixed)):
+            short = needed - np.diff(at)
+            worst = int(np.argmax(short)) if len(short) else 0
+            if not len(short) or short[worst] <= 0.0:
+                break
+            # The bond with more slack on its other side gives; a part between two grasps cannot.
+            slack = np.concatenate([[-np.inf], -short, [-np.inf]])
+            left, right = slack[worst] if movable[worst] else -np.inf, slack[worst + 2] if movable[worst + 1] else -np.inf
+            if max(left, right) == -np.inf:
+                break
+            if right >= left:
+                at[worst + 1] += short[worst]
+            else:
+                at[worst] -= short[worst]
+        moved = [replace(bonds[item[2]], s=float(place)) for item, place in zip(fixed, at, strict=True) if item[2] >= 0]
+        return replace(self, bonds=tuple(bond for bond in moved if 0.0 < bond.s < self.length))
+
+    def _share_pushes(self, body: np.ndarray, place: np.ndarray, normal: np.ndarray, force: np.ndarray, spacing: float) -> None:
+        """Give every push of the last shape to the nearest row of its kind, as a force to start from."""
+        pushes = self.pushes
+        if not len(body):
+            return
+        for row in np.flatnonzero(~pushes.is_bond).tolist():
+            away = np.abs(place - pushes.s[row])
+            away = np.where((body == pushes.surface[row]) & (normal @ pushes.normal[row] > 0.8), away, np.inf)
+            nearest = int(np.argmin(away))
+            if away[nearest] < 2 * spacing:
+                force[nearest] += np.linalg.norm(pushes.force[row]) * normal[nearest]
+
+
+def _axis(shape: Shape, s: np.ndarray) -> np.ndarray:
+    """Points (p, 3) of the axis at arc lengths s (p,)."""
+    segment = np.clip(np.searchsorted(shape.s, s, side="right") - 1, 0, len(shape.s) - 2)
+    fraction = (s - shape.s[segment]) / (shape.s[segment + 1] - shape.s[segment])
+    points: np.ndarray = shape.nodes[segment] + fraction[:, None] * (shape.nodes[segment + 1] - shape.nodes[segment])
+    return points

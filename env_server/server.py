@@ -1,0 +1,202 @@
+"""The environment's run: sets up the scene, waits to be started, steps it to its end, and publishes every frame."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+import uuid
+from importlib.metadata import PackageNotFoundError, version
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from protocol import VERSION, scene_file
+from protocol.channel import Publisher
+from protocol.codec import encode
+from protocol.errors import CablecosimError, PeerLostError
+from protocol.kinds import Outcome
+from protocol.messages import Finished, Frame, Shape, Snapshot
+from protocol.scene import Scene
+
+from . import touch
+from .asking import Asker
+from .control import Control
+from .loop import Loop, Stepped, touch_points
+from .stage import Stage
+
+SHAPE_SERVER_LIMIT: Final = 60.0  # s for the shape server to appear
+RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
+LINGER: Final = 60.0  # s to go on answering after the run
+LIBRARIES: Final = ("numpy", "scipy", "numba", "pyzmq", "pybullet", "trimesh", "manifold3d", "msgspec")
+
+
+class Run:
+    """One scene from set-up to the last frame."""
+
+    def __init__(self, scene: Scene, *, shape: str, frames: str, live: str, control: str) -> None:
+        self._scene = scene
+        data = scene_file.write(scene)
+        self._control = Control(control, hashlib.sha256(data).hexdigest()[:16])
+        # The session is part of every request; made from the scene, it lets two runs of one scene give the same bytes.
+        self._session = uuid.uuid5(uuid.NAMESPACE_OID, data.decode()).hex
+        self._record = Publisher(frames, lossless=True)
+        self._live = Publisher(live, lossless=False)
+        self._asker = Asker(shape)
+        self._sequence = 0
+
+    @property
+    def addresses(self) -> dict[str, str]:
+        """Where it listens, by purpose."""
+        return {"control": self._control.address, "frames": self._record.address, "live": self._live.address}
+
+    def go(self, *, at_once: bool) -> str:
+        """Set up, wait to be started (unless `at_once`), and run; returns why it failed, or an empty sentence."""
+        stage = self._set_up()
+        try:
+            snapshot = self._snapshot(stage)
+            self._control.offer(snapshot)
+            loop = Loop(stage, self._asker, self._session)
+            self._control.say("predicting the first shape")
+            first = loop.first()
+            sentence = self._trouble(first)
+            if sentence:
+                raise CablecosimError(sentence)
+            self._control.report(0, snapshot.steps, "ready", "ready")
+            recorders = 0 if at_once else self._control.wait_for_start()
+            if recorders is None:
+                return ""
+            if not self._record.wait_for(recorders, RECORDERS_LIMIT):
+                raise PeerLostError(
+                    f"{self._record.subscribers} of {recorders} recorders joined within {RECORDERS_LIMIT:g} s; start the visualiser",
+                    key="frames",
+                )
+            sentence = self._step(stage, loop, first, snapshot.steps)
+            self._control.wait_for_stop(LINGER)
+            return sentence
+        finally:
+            stage.close()
+
+    def stop(self) -> None:
+        """End the run in good order, after the present step."""
+        self._control.stop()
+
+    def close(self) -> None:
+        """Give all addresses back."""
+        self._asker.close()
+        for publisher in (self._record, self._live):
+            publisher.close()
+        self._control.close()
+
+    def _set_up(self) -> Stage:
+        if not touch.is_compiled():
+            self._control.say("compiling the contact search, once: about 20 s (shapes are served by numpy meanwhile)")
+        touch.warm_up()
+        stage = Stage(self._scene, self._control.say)
+        self._control.say("waiting for the shape server")
+        self._asker.greet(SHAPE_SERVER_LIMIT)
+        return stage
+
+    def _snapshot(self, stage: Stage) -> Snapshot:
+        versions = {"cablecosim": _version("cablecosim"), "protocol": str(VERSION), "python": platform.python_version()}
+        return Snapshot(
+            session=self._session,
+            scene=self._scene,
+            solids=stage.solids,
+            joints=stage.robot.joint_names if stage.robot is not None else (),
+            steps=stage.path.steps,
+            versions=versions | {name: _version(name) for name in LIBRARIES},
+        )
+
+    def _step(self, stage: Stage, loop: Loop, first: Stepped, steps: int) -> str:
+        """All time steps; returns why they ended early, or an empty sentence."""
+        stepped, shapes = first, tuple(cable.shape for cable in first.cables)
+        sentence = ""
+        for step in range(steps + 1):
+            wait = self._control.hold()
+            if self._control.is_stopped:
+                sentence = f"stopped before step {step} of {steps}"
+                break
+            try:
+                stepped = loop.advance(step) if step else first
+            except CablecosimError as error:
+                sentence = f"step {step} of {steps}: {error}"
+                break
+            sentence = self._trouble(stepped)
+            if sentence:
+                sentence = f"step {step} of {steps}, move '{stage.path.move_at(stepped.posture.time)}': {sentence}"
+            shapes = _shown(stepped, shapes)
+            self._publish(stage, stepped, shapes, step, wait)
+            self._control.report(step, steps, "running", "running")
+            if sentence:
+                break
+        self._send(encode(Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")))
+        self._control.report(step, steps, "failed" if sentence else "finished", sentence or "finished")
+        return sentence
+
+    def _publish(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float) -> None:
+        begun = time.perf_counter()
+        posture, scene = stepped.posture, self._scene
+        key = stage.path.keys.index(step) if step in stage.path.keys else None
+        misses, wrenches = [0.0], {}
+        for cable, shape in zip(scene.cables, shapes, strict=True):
+            points, holders = stage.grasp_points(cable.name, posture), stage.holders(cable.name)
+            for row, gripper in enumerate(scene.grippers[index] for index in holders):
+                node = int(np.argmin(np.abs(shape.s - gripper.at)))
+                misses.append(float(np.linalg.norm(shape.nodes[node] - points[row])))
+                if gripper.arm is not None:
+                    wrenches[gripper.arm] = -shape.grasp_wrenches[row]
+        torque_ratio = stage.torque_ratio(wrenches, posture)
+        worked = time.perf_counter()
+        bill = msgspec.structs.replace(
+            stepped.bill, robot=stepped.bill.robot + worked - begun, wait=wait, total=stepped.bill.total + worked - begun
+        )
+        frame = Frame(
+            session=self._session,
+            sequence=self._sequence,
+            time=posture.time,
+            move=stage.path.move_at(posture.time),
+            picture=scene.pictures[key].name if key is not None else "",
+            joints=posture.joints,
+            poses=stage.world.poses(posture.links),
+            grasps=tuple(stage.grasps(cable.name, posture) for cable in scene.cables),
+            shapes=shapes,
+            touching=touch_points(stage, stepped),
+            rounds=stepped.rounds,
+            penetration=max(max(c.bodies.penetration, c.links.penetration) for c in stepped.cables),
+            grasp_error=max(misses),
+            collisions=stepped.collisions,
+            torque_ratio=torque_ratio,
+            bill=bill,
+        )
+        self._send(encode(frame))
+        self._sequence += 1
+
+    def _send(self, data: bytes) -> None:
+        self._record.publish(data)
+        self._live.publish(data)
+
+    def _trouble(self, stepped: Stepped) -> str:
+        """Why a step is no good; an empty sentence if it is."""
+        for cable, hanging in zip(self._scene.cables, stepped.cables, strict=True):
+            if hanging.shape.outcome is not Outcome.CONVERGED:
+                return f"cable '{cable.name}' is {hanging.shape.outcome.value}: {hanging.shape.sentence}"
+        return ""
+
+
+def _shown(stepped: Stepped, last: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    """The shapes of a step; a cable without one is shown as it was last, with the outcome and sentence of now."""
+    return tuple(
+        cable.shape
+        if cable.shape.outcome is Outcome.CONVERGED
+        else msgspec.structs.replace(before, outcome=cable.shape.outcome, sentence=cable.shape.sentence)
+        for cable, before in zip(stepped.cables, last, strict=True)
+    )
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"

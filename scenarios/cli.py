@@ -1,0 +1,157 @@
+"""The command `cablecosim`. Exit codes: 0 well, 1 ended otherwise than asked for, 2 bad input, 130 interrupted.
+
+Only what the command line itself needs is imported here; each command imports the rest, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+from rich.console import Console
+
+from protocol.errors import CablecosimError
+
+Settings = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--set", negative=(), help="Override a value, such as cable.bending=0.01 or cables.trunk.diameter='9 mm'; may be given again."
+    ),
+]
+SceneName = Annotated[str, Parameter(help="A built-in scene (see `cablecosim list`) or the path of a .toml file.")]
+
+app = App(
+    name="cablecosim",
+    help="Simulate a robot assembling a cable harness.",
+    version=lambda: f"cablecosim {version('cablecosim')}",
+)
+
+
+def main() -> None:
+    """Run the command line; never ends in a traceback for a mistake of the user's."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # asked to end is interrupted: children end in good order
+    try:
+        app()
+    except CablecosimError as error:
+        _say(str(error))
+        sys.exit(2)
+    except KeyboardInterrupt:
+        _say("interrupted")
+        sys.exit(130)
+
+
+@app.command
+def run(
+    scene: SceneName,
+    /,
+    *,
+    settings: Settings = None,
+    out: Annotated[Path | None, Parameter(help="The run folder; runs/SCENE-TIME unless given.")] = None,
+    replay: Annotated[bool, Parameter(help="Write replay.html.")] = True,
+    kernels: Annotated[
+        Literal["auto", "compiled", "numpy"],
+        Parameter(help="Solve by compiled kernels, by numpy, or (auto) by numpy until the kernels are compiled."),
+    ] = "auto",
+) -> int:
+    """Run a scene in three processes; write a recording, pictures, a replay page and a summary."""
+    from . import summary
+    from .launch import launch
+    from .load import load, scene_name
+    from .progress import display
+
+    loaded = load(scene, settings or ())
+    ended = launch(loaded, scene_name(scene), display(), out=out, kernels=kernels, replay=replay)
+    console = Console()
+    console.print(summary.table(ended.summary))
+    console.print(f"written to {ended.folder}", markup=False, soft_wrap=True)
+    if ended.interrupted:
+        return 130
+    if not ended.summary["complete"]:
+        _say(ended.summary["sentence"])
+        return 1
+    return 0
+
+
+@app.command
+def replay(run: Annotated[Path, Parameter(help="Folder of a run.")], /) -> int:
+    """Write pictures and replay.html of a run anew, from its recording."""
+    import subprocess
+
+    from protocol import recording
+
+    from .children import command, environment
+
+    if not (run / recording.FILE_NAME).is_file():
+        raise CablecosimError(f"{run}: holds no {recording.FILE_NAME}; give the folder of a run", key=str(run))
+    code = subprocess.run(command("viz_client", ("--redraw", str(run))), env=environment(), check=False).returncode
+    return code if code >= 0 else 1
+
+
+@app.command(name="list")
+def list_scenes() -> int:
+    """List the built-in scenes."""
+    from .load import built_in, title
+
+    console = Console()
+    for name in built_in():
+        console.print(f"{name}  {title(name)}", markup=False, highlight=False, soft_wrap=True)
+    return 0
+
+
+@app.command
+def check(
+    scene: SceneName,
+    /,
+    *,
+    settings: Settings = None,
+    resolve: Annotated[Path | None, Parameter(help="Write the scene as JSON in SI units, every default filled in.")] = None,
+) -> int:
+    """Say everything that is wrong with a scene, or nothing but what it holds."""
+    from .load import load, write_resolved
+
+    loaded = load(scene, settings or ())
+    if resolve is not None:
+        write_resolved(loaded, resolve)
+    counts = {"cable": loaded.cables, "gripper": loaded.grippers, "body": loaded.bodies, "move": loaded.moves, "picture": loaded.pictures}
+    parts = [f"{len(items)} {_plural(word, len(items))}" for word, items in counts.items() if items]
+    seconds = sum(move.duration for move in loaded.moves)
+    line = f"{scene}: correct; {', '.join(parts)}; {seconds:g} s in steps of {loaded.time_step:g} s"
+    Console().print(line, markup=False, highlight=False, soft_wrap=True)
+    return 0
+
+
+@app.command
+def shape(
+    posture: Annotated[Path, Parameter(help="A TOML file with a cable, its grasps and contacts.")],
+    /,
+    *,
+    settings: Settings = None,
+) -> int:
+    """Predict the shape of one cable in one posture; print it as JSON."""
+    from protocol.kinds import Outcome
+
+    from .ask import as_json, ask
+    from .posture import load_posture
+
+    asked = load_posture(posture, settings or ())
+    answer = ask(asked)
+    sys.stdout.write(json.dumps(as_json(asked, answer)) + "\n")
+    if answer.outcome is Outcome.CONVERGED:
+        return 0
+    _say(answer.sentence)
+    return 1
+
+
+def _plural(word: str, count: int) -> str:
+    if count == 1:
+        return word
+    return f"{word[:-1]}ies" if word.endswith("y") else f"{word}s"
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"{text}\n")

@@ -1,0 +1,166 @@
+"""What a run came to, computed from its recording alone: `summary.json` and the table on the terminal.
+
+A step is one frame after the first, which shows the start posture. Forces, curvatures and error estimates are taken from
+shapes that converged; how many did not stands in `outcomes`. What a recording cannot say is null, never zero.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from protocol import recording
+from protocol.kinds import Outcome
+from protocol.messages import Bill, Frame, Shape
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+FILE_NAME: Final = "summary.json"
+BILL: Final = Bill.__struct_fields__
+
+Summary = dict[str, Any]
+
+
+def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary:
+    """The summary of a run, whole or broken off.
+
+    Args:
+        run: What its recording holds.
+        wall: [s] Wall time from the command to the last file written, which the recording does not know.
+
+    Returns:
+        Plain values with their units in the names. `steps_per_second` is 1 over the median of the bill's total, without
+        the start posture; so compiling and single hold-ups do not count.
+    """
+    tally = _Tally()
+    for frame in run.frames:
+        tally.add(frame)
+    finished = run.finished
+    return {
+        "scene": run.snapshot.scene.title,
+        "complete": finished is not None and not finished.failed,
+        "sentence": finished.sentence if finished is not None else "the recording breaks off before the end of the run",
+        "steps": max(0, len(run.frames) - 1),
+        "steps_planned": run.snapshot.steps,
+        "wall_s": wall,
+        **tally.values(),
+        "versions": dict(run.snapshot.versions),
+    }
+
+
+def write(run_folder: Path, summary: Summary) -> None:
+    """Write `summary.json` whole or not at all."""
+    unfinished = run_folder / f".{FILE_NAME}"
+    unfinished.write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    unfinished.replace(run_folder / FILE_NAME)
+
+
+def table(summary: Summary) -> Table:
+    """The summary for a person: figures with units, and what spoils the run in red."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    shown = Table(title=escape(summary["scene"]), show_header=False, title_justify="left")
+    shown.add_column(style="bold")
+    shown.add_column()
+    outcomes = ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items()) or "none"
+    if set(summary["outcomes"]) - {Outcome.CONVERGED.value}:
+        outcomes += "  [red]not all converged[/red]"
+    whole = summary["complete"] and summary["steps"] > 0
+    rows: Iterable[tuple[str, str]] = (
+        ("steps", f"{summary['steps']} of {summary['steps_planned']}" + ("" if whole else f"  [red]{escape(summary['sentence'])}[/red]")),
+        ("speed", "unknown" if (speed := summary["steps_per_second"]) is None else f"{speed:.0f} steps/s in the loop"),
+        ("wall time", "unknown" if summary["wall_s"] is None else f"{summary['wall_s']:.1f} s with start-up, pictures and replay"),
+        ("outcomes", outcomes),
+        ("worst penetration", _length(summary["worst_penetration_m"])),
+        ("worst grasp error", _length(summary["worst_grasp_error_m"])),
+        ("worst error estimate", _length(summary["worst_error_estimate_m"])),
+        ("contacts", f"{summary['contacts_max']} at most"),
+        ("rounds of a step", f"{summary['rounds_max']} at most"),
+        ("tension", _figure(summary["tension_max_N"], "N at most")),
+        ("grasp force", _figure(summary["grasp_force_max_N"], "N at most")),
+        ("bend radius", _length(summary["bend_radius_min_m"], "at least")),
+        ("joint torque", _figure(summary["torque_ratio_max"], "of the limit at most")),
+        ("robot collisions", f"[red]in {summary['collisions']} steps[/red]" if summary["collisions"] else "none"),
+        ("bill of a step", ", ".join(f"{part} {value:.3f}" for part, value in summary["bill_ms"].items()) + " ms (medians)"),
+    )
+    for label, text in rows:
+        shown.add_row(label, text)
+    return shown
+
+
+class _Tally:
+    """Extremes and counts, frame by frame, so that a long run needs little memory."""
+
+    def __init__(self) -> None:
+        self._bills: list[tuple[float, ...]] = []
+        self._outcomes: Counter[str] = Counter()
+        self._most: dict[str, float] = {}
+        self._contacts = self._rounds = self._collisions = 0
+
+    def add(self, frame: Frame) -> None:
+        if frame.sequence > 0:
+            self._bills.append(tuple(getattr(frame.bill, part) for part in BILL))
+        self._collisions += bool(frame.collisions)
+        self._contacts = max(self._contacts, len(frame.touching.s))
+        self._rounds = max(self._rounds, frame.rounds)
+        self._note("penetration", frame.penetration)
+        self._note("grasp_error", frame.grasp_error)
+        self._note("torque_ratio", frame.torque_ratio)
+        for shape in frame.shapes:
+            self._outcomes[shape.outcome.value] += 1
+            if shape.outcome is Outcome.CONVERGED:
+                self._add_shape(shape)
+
+    def _add_shape(self, shape: Shape) -> None:
+        self._note("tension", float(shape.tension.max(initial=-np.inf)))
+        self._note("curvature", float(np.abs(shape.curvature).max(initial=0.0)))
+        if shape.error is not None:
+            self._note("error", shape.error)
+        if len(shape.grasp_wrenches):
+            self._note("grasp_force", float(np.linalg.norm(shape.grasp_wrenches[:, :3], axis=1).max()))
+
+    def _note(self, name: str, value: float) -> None:
+        self._most[name] = max(value, self._most.get(name, -np.inf))
+
+    def values(self) -> Summary:
+        bills = np.array(self._bills).reshape(-1, len(BILL))
+        total = float(np.median(bills[:, BILL.index("total")])) if len(bills) else 0.0
+        most = {name: float(value) if np.isfinite(value) else None for name, value in self._most.items()}
+        curvature = most.get("curvature")
+        return {
+            "steps_per_second": 1.0 / total if total > 0 else None,
+            "worst_penetration_m": most.get("penetration"),
+            "worst_grasp_error_m": most.get("grasp_error"),
+            "worst_error_estimate_m": most.get("error"),
+            "outcomes": dict(sorted(self._outcomes.items())),
+            "contacts_max": self._contacts,
+            "rounds_max": self._rounds,
+            "collisions": self._collisions,
+            "tension_max_N": most.get("tension"),
+            "bend_radius_min_m": 1.0 / curvature if curvature else None,
+            "grasp_force_max_N": most.get("grasp_force"),
+            "torque_ratio_max": most.get("torque_ratio"),
+            "bill_ms": {part: 1e3 * float(np.median(bills[:, column])) if len(bills) else 0.0 for column, part in enumerate(BILL)},
+        }
+
+
+def _length(value: float | None, note: str = "") -> str:
+    if value is None:
+        return "unknown"
+    if value == 0.0:
+        return "none"
+    for factor, unit in ((1.0, "m"), (1e3, "mm"), (1e6, "um")):
+        if abs(value) * factor >= 1.0:
+            return f"{value * factor:.3g} {unit} {note}".strip()
+    return f"{value * 1e9:.3g} nm {note}".strip()
+
+
+def _figure(value: float | None, unit: str) -> str:
+    return "unknown" if value is None else f"{value:.3g} {unit}"

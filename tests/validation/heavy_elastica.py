@@ -1,0 +1,189 @@
+"""References for a heavy inextensible rod, by `scipy.integrate.solve_bvp` on equations of their own.
+
+The section at arc length s carries the force n and the moment m that the part beyond s exerts on the part before it.
+With w the weight per length and z up, equilibrium of a slice is
+
+    r' = d3,   n' = w e_z,   m' = -r' x n,   m = EI (d3 x d3') + GJ tau d3        [N, N m]
+
+(Antman 2005, "Nonlinear problems of elasticity", 2nd ed., ch. VIII; straight in its natural state). In the plane
+x-z with the slope theta of the tangent this is x' = cos, z' = sin, EI theta'' = n_x sin - n_z cos.
+Nothing is shared with the solver under test: it works with quaternions of segments and a staggered mesh, these with
+continuous states and a collocation of fourth order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_bvp
+from scipy.spatial.transform import Rotation
+
+TOLERANCE = 1e-10  # of solve_bvp, relative residual per interval
+
+
+@dataclass(frozen=True)
+class Planar:
+    """A solved shape in the plane x-z."""
+
+    state: Callable[[np.ndarray], np.ndarray]  # s -> (4, k): x [m], z [m], slope [rad], curvature [1/m]
+    bending: float  # N m^2
+    weight: float  # N/m
+    length: float  # m
+    force: np.ndarray  # (2,) N, internal force (n_x, n_z) at s = 0
+
+    def positions(self, s: np.ndarray) -> np.ndarray:
+        """(k, 3) [m] Points of the axis."""
+        x, z = self.state(s)[:2]
+        return np.column_stack([x, np.zeros_like(x), z])
+
+    def energy(self) -> float:
+        """[J] Elastic energy plus potential energy of the weight, by Gauss-Legendre quadrature on 200 panels."""
+        points, weights = np.polynomial.legendre.leggauss(6)
+        edges = np.linspace(0.0, self.length, 201)
+        half = np.diff(edges) / 2
+        s = (edges[:-1] + half)[:, None] + half[:, None] * points  # (200, 6)
+        _, z, _, curvature = self.state(s.ravel())
+        density = (self.bending / 2 * curvature**2 + self.weight * z).reshape(s.shape)
+        return float((half * (density @ weights)).sum())
+
+
+def planar(
+    *,
+    bending: float,
+    weight: float,
+    length: float,
+    start: tuple[float, float, float],
+    end: tuple[float | None, float | None, float | None],
+    guess: Planar | None = None,
+    slope: Callable[[np.ndarray], np.ndarray] | None = None,
+    force: tuple[float, float] = (0.0, 0.0),
+) -> Planar:
+    """The heavy planar elastica between two ends.
+
+    Args:
+        bending: [N m^2] EI.
+        weight: [N/m] w.
+        length: [m].
+        start: x [m], z [m] and slope [rad] at s = 0.
+        end: The same at s = length; None where it is free: then the force, or the curvature, is zero there.
+        guess: A solved neighbour to start from.
+        slope: [rad] Without a neighbour: slope along s to start from.
+        force: [N] Without a neighbour: force at s = 0 to start from.
+
+    Source:
+        Scaled by length and EI, which turns the load into w L^3 / EI.
+    """
+    load = weight * length**3 / bending
+    unit = bending / length**2
+
+    def rhs(s: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.vstack([np.cos(y[2]), np.sin(y[2]), y[3], p[0] * np.sin(y[2]) - (p[1] + load * s) * np.cos(y[2])])
+
+    def ends(a: np.ndarray, b: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.array(
+            [
+                a[0] - start[0] / length,
+                a[1] - start[1] / length,
+                a[2] - start[2],
+                p[0] if end[0] is None else b[0] - end[0] / length,
+                p[1] + load if end[1] is None else b[1] - end[1] / length,
+                b[3] if end[2] is None else b[2] - end[2],
+            ]
+        )
+
+    s = np.linspace(0.0, 1.0, 401)
+    if guess is not None:
+        y = guess.state(s * length) / np.array([length, length, 1.0, 1 / length])[:, None]
+        p = guess.force / unit
+    else:
+        angle = np.interp(s, [0, 1], [start[2], end[2] or 0.0]) if slope is None else slope(s * length)
+        step = np.diff(s)
+        middle = (angle[1:] + angle[:-1]) / 2
+        x = start[0] / length + np.append(0.0, np.cumsum(np.cos(middle) * step))
+        z = start[1] / length + np.append(0.0, np.cumsum(np.sin(middle) * step))
+        y, p = np.vstack([x, z, angle, np.gradient(angle, s)]), np.array(force) / unit
+    found = solve_bvp(rhs, ends, s, y, p=p, tol=TOLERANCE, max_nodes=200_000)
+    assert found.success, found.message
+    scale = np.array([length, length, 1.0, 1 / length])[:, None]
+    return Planar(lambda at: found.sol(np.asarray(at) / length) * scale, bending, weight, length, found.p * unit)
+
+
+@dataclass(frozen=True)
+class Spatial:
+    """A solved shape in space."""
+
+    state: Callable[[np.ndarray], np.ndarray]  # s -> (13, k): position [m], quaternion, force [N], moment [N m]
+    length: float  # m
+    load: float  # N, end force by which forces are scaled
+
+    def positions(self, s: np.ndarray) -> np.ndarray:
+        """(k, 3) [m] Points of the axis."""
+        return self.state(s)[:3].T
+
+    def frames(self, s: np.ndarray) -> np.ndarray:
+        """(k, 4) Quaternions along the axis."""
+        q = self.state(s)[3:7]
+        return np.ascontiguousarray((q / np.linalg.norm(q, axis=0)).T)
+
+    def wrenches(self) -> np.ndarray:
+        """(2, 6) [N, N m] On the rod at both ends."""
+        n_m = self.state(np.array([0.0, self.length]))[7:].T
+        return n_m * np.array([[-1.0], [1.0]])
+
+
+def spatial(
+    *,
+    bending: float,
+    twist: float,
+    weight: float,
+    length: float,
+    end: tuple[np.ndarray, np.ndarray],
+    begin: tuple[np.ndarray, np.ndarray],
+    guess: Callable[[np.ndarray], np.ndarray],
+) -> Spatial:
+    """The heavy Kirchhoff rod clamped at both ends, thirteen states: r, q, n, m in the world frame.
+
+    q' = q (x) (0, u) / 2 with u = R^T m / (EI, EI, GJ) in the frame of the section.
+
+    Args:
+        bending: [N m^2] EI.
+        twist: [N m^2] GJ.
+        weight: [N/m].
+        length: [m].
+        begin: Position [m] and quaternion at s = 0.
+        end: The same at s = length.
+        guess: s -> (13, k) States to start from.
+    """
+    one = bending / length**2  # N
+    unit = np.array([length] * 3 + [1.0] * 4 + [one] * 3 + [one * length] * 3)[:, None]
+    last = np.asarray(end[1])
+
+    def rhs(s: np.ndarray, y: np.ndarray) -> np.ndarray:
+        x, z, w, e = y[3], y[4], y[5], y[6]  # the quaternion's parts
+        d1 = np.array([1 - 2 * (z * z + w * w), 2 * (x * z + w * e), 2 * (x * w - z * e)])
+        d2 = np.array([2 * (x * z - w * e), 1 - 2 * (x * x + w * w), 2 * (z * w + x * e)])
+        d3 = np.array([2 * (x * w + z * e), 2 * (z * w - x * e), 1 - 2 * (x * x + z * z)])
+        m = y[10:]
+        u = np.array([(d1 * m).sum(0), (d2 * m).sum(0), (d3 * m).sum(0) * bending / twist])
+        q = 0.5 * np.array(
+            [
+                e * u[0] + z * u[2] - w * u[1],
+                e * u[1] + w * u[0] - x * u[2],
+                e * u[2] + x * u[1] - z * u[0],
+                -(x * u[0] + z * u[1] + w * u[2]),
+            ]
+        )
+        force = np.zeros_like(d3)
+        force[2] = weight * length / one
+        return np.vstack([d3, q, force, -np.cross(d3, y[7:10], axis=0)])
+
+    def ends(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        turn = Rotation.from_quat(last).inv() * Rotation.from_quat(b[3:7])
+        return np.concatenate([a[:3] - np.asarray(begin[0]) / length, a[3:7] - begin[1], b[:3] - np.asarray(end[0]) / length, turn.as_quat()[:3]])
+
+    s = np.linspace(0.0, 1.0, 201)
+    found = solve_bvp(rhs, ends, s, guess(s * length) / unit, tol=1e-9, max_nodes=100_000)
+    assert found.success, found.message
+    return Spatial(lambda at: found.sol(np.asarray(at) / length) * unit, length, one)

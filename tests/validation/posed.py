@@ -1,0 +1,92 @@
+"""Problems posed to the solver under test, and the balance of what it answers."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import shape_server.kernels as compiled
+from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold
+from protocol.messages import Contacts, Grasps, Problem, Shape, Start
+from protocol.scene import Cable
+from shape_server import solve
+
+G = 9.81  # m/s^2
+
+
+def cable(*, length: float = 1.0, weight: float = 1.0, bending: float | None = None, twist: float | None = None) -> Cable:
+    """A cable of the given weight [N/m]; twist stiffness equals bending stiffness unless given."""
+    stiffness = bending if twist is None else twist
+    return Cable("cable", length, 1e-3 * length, weight / G, bending, stiffness)
+
+
+def frame(tangent: np.ndarray | tuple[float, float, float], roll: float = 0.0) -> np.ndarray:
+    """(4,) Quaternion of a frame with d3 along `tangent` and d2 as near to y as can be, turned by `roll` [rad] about d3."""
+    d3 = np.asarray(tangent, dtype=float) / np.linalg.norm(tangent)
+    d1 = np.cross((0.0, 1.0, 0.0), d3)
+    d1 /= np.linalg.norm(d1)
+    return (Rotation.from_matrix(np.column_stack([d1, np.cross(d3, d1), d3])) * Rotation.from_rotvec([0, 0, roll])).as_quat()
+
+
+def slope_frames(slope: np.ndarray) -> np.ndarray:
+    """(k, 4) Frames in the plane x-z whose tangents rise by `slope` [rad]."""
+    return np.array([frame((np.cos(a), 0.0, np.sin(a))) for a in slope])
+
+
+def grasps(*held: tuple[float, tuple[float, float, float] | np.ndarray, np.ndarray, Hold]) -> Grasps:
+    """Grasps from rows of arc length [m], position [m], quaternion and hold."""
+    return Grasps(
+        s=np.array([row[0] for row in held], dtype=float),
+        position=np.array([row[1] for row in held], dtype=float).reshape(-1, 3),
+        quaternion=np.array([row[2] for row in held], dtype=float).reshape(-1, 4),
+        hold=tuple(row[3] for row in held),
+    )
+
+
+def ask(cable: Cable, grasps: Grasps, *, contacts: Contacts | None = None, start: Start | None = None, tolerance: float = 1e-3) -> Shape:
+    """Solve with the compiled kernels under gravity along -z."""
+    return solve(Problem(cable=cable, grasps=grasps, contacts=contacts, start=start), (0.0, 0.0, -G), tolerance=tolerance, path=compiled)
+
+
+def start_from(shape: Shape) -> Start:
+    """The start that repeats a shape."""
+    return Start(s=shape.s, frames=shape.frames, grasp_forces=np.ascontiguousarray(shape.grasp_wrenches[:, :3]))
+
+
+def unbalance(cable: Cable, shape: Shape, grasps: Grasps) -> tuple[float, float]:
+    """Sum of all forces, and of their moments about the origin, on the whole cable; over its weight, and weight times length.
+
+    The weight of every segment acts at its middle, a contact on the axis at its arc length.
+    """
+    middle = (shape.nodes[1:] + shape.nodes[:-1]) / 2
+    weight = cable.mass_per_length * G * np.diff(shape.s)[:, None] * np.array([0.0, 0.0, -1.0])
+    touch = np.column_stack([np.interp(shape.contact_s, shape.s, shape.nodes[:, axis]) for axis in range(3)])
+    force = shape.grasp_wrenches[:, :3].sum(0) + shape.contact_forces.sum(0) + weight.sum(0)
+    moment = (
+        shape.grasp_wrenches[:, 3:].sum(0)
+        + np.cross(grasps.position, shape.grasp_wrenches[:, :3]).sum(0)
+        + np.cross(touch, shape.contact_forces).sum(0)
+        + np.cross(middle, weight).sum(0)
+    )
+    total = cable.mass_per_length * G * cable.length
+    return float(np.linalg.norm(force) / total), float(np.linalg.norm(moment) / total / cable.length)
+
+
+def touches(
+    *rows: tuple[float, Feature, np.ndarray | tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]],
+    distance: float,
+    friction: Friction = Friction.NONE,
+) -> Contacts:
+    """Contacts from rows of arc length [m], feature, its point [m], normal, and direction of the edge."""
+    count = len(rows)
+    return Contacts(
+        s=np.array([row[0] for row in rows], dtype=float),
+        body=np.zeros(count, dtype=np.int64),
+        feature=np.array([row[1] for row in rows], dtype=np.int64),
+        point=np.array([row[2] for row in rows], dtype=float).reshape(-1, 3),
+        normal=np.array([row[3] for row in rows], dtype=float).reshape(-1, 3),
+        direction=np.array([row[4] for row in rows], dtype=float).reshape(-1, 3),
+        distance=np.full(count, distance),
+        friction=np.full(count, FRICTION_CODES.index(friction), dtype=np.int64),
+        force=np.zeros((count, 3)),
+    )

@@ -1,0 +1,79 @@
+"""The viewer as a program: `python -m viz_client`."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from threading import Event
+from typing import NoReturn
+
+from protocol.errors import CablecosimError, PeerLostError
+
+DESCRIPTION = """Record a run of the environment, draw pictures of its key postures, and write a page that replays it.
+
+Needs no display. Writes into the folder DIR:
+  recording.msgpack   every message as it came; readable with any MessagePack library, even after a crash
+  pictures/*.png      the key postures
+  replay.html         opens in a browser, offline
+"""
+EPILOG = """exit codes: 0 all of the run was recorded, or it was told to stop; 1 the environment was lost; 2 a wrong request
+
+example: python -m viz_client --frames ipc:///tmp/me/frames --control ipc:///tmp/me/control --out runs/mine"""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Say one sentence, without the usage."""
+        self.exit(2, f"{self.prog}: {message}; see --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the viewer; returns the exit code."""
+    parser = _Parser(prog="viz_client", description=DESCRIPTION, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", metavar="ADDRESS", help="lossless stream of the environment: ipc://PATH or tcp://127.0.0.1:PORT")
+    parser.add_argument("--control", metavar="ADDRESS", help="where the environment answers: ipc://PATH or tcp://127.0.0.1:PORT")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="folder of the run, made if need be; must not hold a recording")
+    parser.add_argument("--redraw", metavar="DIR", type=Path, help="instead: make pictures and page of a recorded run anew")
+    parser.add_argument("--no-replay", dest="replay", action="store_false", help="write no replay.html")
+    parser.add_argument("--no-pictures", dest="pictures", action="store_false", help="draw no pictures")
+    given = parser.parse_args(arguments)
+    live = [name for name in ("frames", "control", "out") if getattr(given, name) is not None]
+    if given.redraw is None and len(live) < 3:
+        missing = [f"--{name}" for name in ("frames", "control", "out") if name not in live]
+        parser.error(f"{', '.join(missing)} missing; give --frames, --control and --out, or --redraw alone")
+    if given.redraw is not None and live:
+        parser.error(f"--redraw does not go with --{live[0]}")
+    try:
+        return _redraw(given) if given.redraw is not None else _watch(given)
+    except (CablecosimError, OSError) as error:
+        sys.stderr.write(f"viz_client: {error}\n")
+        return 1 if isinstance(error, PeerLostError) else 2
+
+
+def _watch(given: argparse.Namespace) -> int:
+    from .client import watch
+
+    stop = Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    watched = watch(given.frames, given.control, given.out, replay=given.replay, pictures=given.pictures, say=_say, stop=stop)
+    return 0 if watched.complete or stop.is_set() else 1
+
+
+def _redraw(given: argparse.Namespace) -> int:
+    from .redraw import redraw
+
+    redraw(given.redraw, replay=given.replay, pictures=given.pictures, say=_say)
+    return 0
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,53 @@
+"""Pictures and replay page of a run made anew, from its recording alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from protocol import recording
+from protocol.codec import encode
+
+from .painter import DIRECTORY, Painter
+
+REPLAY_NAME = "replay.html"
+
+
+def redraw(run: Path, *, replay: bool = True, pictures: bool = True, say: Callable[[str], None] = lambda _line: None) -> None:
+    """Replace `pictures/` and `replay.html` of a run by what its recording holds.
+
+    Args:
+        run: Folder of the run.
+        replay: Whether to write the page.
+        pictures: Whether to draw the key postures.
+        say: Told one line for each thing done.
+
+    Raises:
+        RecordingError: If the recording has no readable beginning.
+    """
+    record = recording.read(run / recording.FILE_NAME)
+    say(f"recording of {len(record.frames)} frames, " + ("complete" if record.complete else record.ending))
+    if pictures:
+        for old in (run / DIRECTORY).glob("[0-9][0-9]_*.png"):
+            old.unlink()
+        painter = Painter(run, drawn=lambda path: say(f"{DIRECTORY}/{path.name}"), failed=say)
+        for frame in record.frames:
+            if frame.picture:
+                painter.offer(encode(frame), frame.picture)
+        painter.finish()
+    if replay:
+        page(run, say)
+
+
+def page(run: Path, say: Callable[[str], None]) -> None:
+    """Write `replay.html` from the recording, and say how large it is."""
+    from .replay import write_replay
+
+    start = time.monotonic()
+    file = run / REPLAY_NAME
+    count = write_replay(run / recording.FILE_NAME, file)
+    if count:
+        say(f"{REPLAY_NAME}: {count} frames, {file.stat().st_size / 1e6:.1f} MB, written in {time.monotonic() - start:.1f} s")
+    else:
+        say(f"no {REPLAY_NAME}: the recording holds no frame")
