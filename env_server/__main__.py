@@ -15,6 +15,7 @@ from types import FrameType
 from protocol import scene_file
 from protocol.channel import private_directory
 from protocol.errors import CablecosimError, SceneError
+from protocol.scene import Scene
 
 from .server import Run
 
@@ -65,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _read_scene(path: Path) -> scene_file.Scene:
+def _read_scene(path: Path) -> Scene:
     try:
         return scene_file.read(path.read_bytes())
     except OSError as error:

@@ -11,6 +11,7 @@ through so that this part stays straight (the distance criterion, 3.2). Which co
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -104,6 +105,7 @@ class Boundary:
             point=np.vstack([candidates.point[free], *(row for row, _ in bond_rows)]),
             normal=normal,
             direction=np.vstack([candidates.direction[free], np.zeros((len(bonds), 3))]),
+            extent=np.vstack([candidates.extent[free], np.zeros((len(bonds), 2))]),
             distance=np.full(count + len(bonds), self.radius),
             friction=np.concatenate([np.full(count, FREE), np.full(len(bonds), BONDED)]),
             force=force,
@@ -171,7 +173,7 @@ class Boundary:
             key=lambda item: item[0],
         )
         at = np.array([item[0] for item in fixed])
-        needed = np.array([np.linalg.norm(b[1] - a[1]) for a, b in zip(fixed, fixed[1:], strict=False)]) * (1 + TAUT)
+        needed = np.array([np.linalg.norm(b[1] - a[1]) for a, b in pairwise(fixed)]) * (1 + TAUT)
         movable = np.array([item[2] >= 0 for item in fixed])
         for _ in range(2 * len(fixed)):
             short = needed - np.diff(at)

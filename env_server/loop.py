@@ -10,6 +10,7 @@ contacts it kept. A step that fails changes none of it.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -170,7 +171,7 @@ class Loop:
             done.cables = tuple(replace(cable, boundary=cable.boundary.bonded(goal.surfaces)) for cable in done.cables)
         return done
 
-    def _begin(self, goal: Posture, before: Stepped | None, grasps: list[Grasps]) -> list[Hanging | None] | list[Hanging]:
+    def _begin(self, goal: Posture, before: Stepped | None, grasps: list[Grasps]) -> Sequence[Hanging | None]:
         """Where each cable starts from: the last step, looked at anew where a robot link near it has moved."""
         if before is None:
             return [None] * len(grasps)
@@ -267,7 +268,7 @@ def _joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
     if not near.any():
         return cable.bodies
     first, second = cable.bodies, cable.links
-    names = ("segment", "fraction", "feature", "feature_id", "point", "normal", "direction", "gap", "is_crossing")
+    names = ("segment", "fraction", "feature", "feature_id", "point", "normal", "direction", "extent", "gap", "is_crossing")
     columns = {name: np.concatenate([getattr(first, name), getattr(second, name)[near]]) for name in names}
     return Candidates(
         **columns,
@@ -279,8 +280,5 @@ def _joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
 def _nowhere(shape: Shape, boundary: Boundary) -> Hanging:
     """A cable without a shape, whose outcome says why."""
     none = np.zeros(0)
-    nothing = Candidates(
-        segment=none, fraction=none, body=none, feature=none, feature_id=none, point=none, normal=none, direction=none, gap=none,
-        is_crossing=none, clearance=none,
-    )  # fmt: skip
+    nothing = Candidates(**dict.fromkeys(Candidates.__slots__, none))
     return Hanging(shape, boundary, nothing, nothing)

@@ -170,7 +170,7 @@ class Stage:
             self.world.set_joints(posture)
             return not self.world.collisions()
 
-        for row, gripper in enumerate(self.scene.grippers):
+        for gripper in self.scene.grippers:
             if gripper.arm is not None:
                 joints = robot.hold(gripper.arm, cables[gripper.cable].diameter, joints)
         for row, gripper in enumerate(self.scene.grippers):

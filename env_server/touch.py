@@ -49,6 +49,7 @@ from .distances import (
     turned,
     turned_back,
 )
+from .edges import edge_table
 from .surface import Features, Surface, gather, height, hides, join
 
 BLOCK: Final = 8  # segments that share a bounding sphere
@@ -81,6 +82,7 @@ class Candidates:
     point: np.ndarray  # (m, 3) m, on the body
     normal: np.ndarray  # (m, 3) unit, from the body to the axis of the cable
     direction: np.ndarray  # (m, 3) unit, along the edge; zero for faces and vertices
+    extent: np.ndarray  # (m, 2) m, from point back and on along direction to where the edge's line leaves the surface
     gap: np.ndarray  # (m,) m, between body and cable; negative where it penetrates
     is_crossing: np.ndarray  # (m,) bool, the axis itself touches or crosses the surface
     clearance: np.ndarray  # (n-1,) m, distance from axis to the nearest body per segment, at most reach + radius
@@ -99,11 +101,12 @@ class Touch:
         surfaces: One for each body; the index in this sequence is the `body` of the candidates.
     """
 
-    __slots__ = ("_features", "body_count")
+    __slots__ = ("_edges", "_features", "body_count")
 
     def __init__(self, surfaces: Sequence[Surface]) -> None:
         self.body_count: Final = len(surfaces)
         self._features: Final = join(surfaces or [_tetrahedron()])
+        self._edges: Final = edge_table(self._features)
 
     def search(
         self,
@@ -139,10 +142,38 @@ class Touch:
             if count <= capacity:
                 break
             capacity = 2 * count
-        hits = hits[:count]
+        hits = self._with_edges(hits[:count], poses)
         if previous is not None:
             _keep_normals(hits, previous)
-        return _candidates(hits, clearance, radius)
+        return _candidates(hits, clearance, radius, self._extents(hits, poses))
+
+    def _with_edges(self, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """The pairs, and for every one with a vertex, the same pair for all edges that leave it."""
+        more = []
+        for hit in hits[(hits["feature"] == VERTEX) & (hits["is_crossing"] == 0)]:
+            edges = self._edges.at_vertex(int(hit["body"]), int(hit["feature_id"]))
+            if len(edges):
+                ends = self._edges.ends[self._features.first_edge[hit["body"]] + edges]
+                copies = np.repeat(hit, len(edges))
+                copies["feature"], copies["feature_id"] = EDGE, edges
+                along = _rotated(np.tile(poses[hit["body"]], (len(edges), 1)), ends[:, 1] - ends[:, 0])
+                copies["direction"] = along / np.linalg.norm(along, axis=1, keepdims=True)
+                more.append(copies)
+        return np.concatenate([hits, *more]) if more else hits
+
+    def _extents(self, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """How far the edges of the pairs go on from their points (m, 2) [m]."""
+        extent = np.zeros((len(hits), 2))
+        rows = np.flatnonzero(hits["feature"] == EDGE)
+        if len(rows):
+            edge = self._features.first_edge[hits["body"][rows]] + hits["feature_id"][rows]
+            start, pose = self._edges.ends[edge, 0], poses[hits["body"][rows]]
+            start = pose[:, :3] + _rotated(pose, start)
+            size = np.linalg.norm(self._edges.ends[edge, 1] - self._edges.ends[edge, 0], axis=1)
+            back = np.einsum("ij,ij->i", start - hits["point"][rows], hits["direction"][rows])
+            extent[rows, 0] = back - self._edges.margins[edge, 0]
+            extent[rows, 1] = back + size + self._edges.margins[edge, 1]
+        return extent
 
     def _check(self, nodes: np.ndarray, poses: np.ndarray, radius: float, reach: float, excluded: np.ndarray | None) -> None:
         if nodes.ndim != 2 or nodes.shape[1] != 3 or len(nodes) < 2:
@@ -156,6 +187,13 @@ class Touch:
         # A zero quaternion would put the body nowhere, and its contacts would vanish without a word.
         if not (np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]) > 0.5).all():
             raise SceneError("poses: every quaternion must have length 1", key="poses")
+
+
+def _rotated(poses: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (m, 3) of bodies, turned into the world by their poses (m, 7)."""
+    turn = 2.0 * np.cross(poses[:, 3:6], vectors)
+    turned: np.ndarray = vectors + poses[:, 6:] * turn + np.cross(poses[:, 3:6], turn)
+    return turned
 
 
 def warm_up() -> None:
@@ -194,9 +232,9 @@ def _keep_normals(hits: np.ndarray, previous: Candidates) -> None:
             hits["normal"][row_number] = normal
 
 
-def _candidates(hits: np.ndarray, clearance: np.ndarray, radius: float) -> Candidates:
+def _candidates(hits: np.ndarray, clearance: np.ndarray, radius: float, extent: np.ndarray) -> Candidates:
     columns = {name: hits[name].copy() for name in ("segment", "fraction", "body", "feature", "feature_id", "point", "normal", "direction")}
-    found = Candidates(**columns, gap=hits["distance"] - radius, is_crossing=hits["is_crossing"] != 0, clearance=clearance)
+    found = Candidates(**columns, extent=extent, gap=hits["distance"] - radius, is_crossing=hits["is_crossing"] != 0, clearance=clearance)
     for name in Candidates.__slots__:
         getattr(found, name).setflags(write=False)
     return found

@@ -61,6 +61,7 @@ class Contacts(Part, frozen=True):
     point: np.ndarray  # (m, 3) m, nearest point of the body
     normal: np.ndarray  # (m, 3) unit, from the body to the cable
     direction: np.ndarray  # (m, 3) unit, along the edge; zero for faces and vertices
+    extent: np.ndarray  # (m, 2) m, from `point` back and on along `direction` as far as the edge goes; zero if no edge
     distance: np.ndarray  # (m,) m, between axis and feature when they touch
     friction: np.ndarray  # (m,) int, index into `kinds.FRICTION_CODES`
     force: np.ndarray  # (m, 3) N, on the cable; what to start from
@@ -73,6 +74,7 @@ class Contacts(Part, frozen=True):
             _check_floats(f"contacts.{name}", getattr(self, name), (count,), EXTENT_MAX)
         for name in ("point", "normal", "direction"):
             _check_floats(f"contacts.{name}", getattr(self, name), (count, 3), EXTENT_MAX)
+        _check_floats("contacts.extent", self.extent, (count, 2), EXTENT_MAX)
         _check_floats("contacts.force", self.force, (count, 3), 1e9)
         for name, low, high in (("body", -1, 10_000), ("feature", 0, len(Feature) - 1), ("friction", 0, len(FRICTION_CODES) - 1)):
             _check_integers(f"contacts.{name}", getattr(self, name), count, low, high)

@@ -150,6 +150,7 @@ def _contacts(points: tuple[PointContact, ...], radius: float) -> Contacts | Non
         point=np.array([point.point for point in points]),
         normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
         direction=np.zeros((count, 3)),
+        extent=np.zeros((count, 2)),
         distance=np.array([radius if point.distance is None else point.distance for point in points]),
         friction=np.array([FRICTION_CODES.index(point.friction) for point in points]),
         force=np.zeros((count, 3)),

@@ -30,7 +30,7 @@ from numba import njit
 FACE, EDGE, VERTEX = 0, 1, 2
 PARALLEL = 0.05  # sine of the angle below which a segment counts as parallel to an edge
 BEYOND = 0.25  # of a segment, how far past its ends a row still holds
-FAR = 1.0  # m, gap of a row that its neighbour has taken over from
+FAR = 1.0  # m, gap of a row that another one has taken over from, on the next segment or edge
 
 
 @njit(cache=True)
@@ -68,7 +68,7 @@ def _bulge(x, h, first, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, given, direction, distance):  # type: ignore[no-untyped-def]
+def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, given, direction, extent, distance):  # type: ignore[no-untyped-def]
     """Where each contact is now. `fraction` is updated in place for edges and vertices.
 
     Args:
@@ -81,6 +81,7 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         point: (m, 3) [m] on the feature.
         given: (m, 3) unit normal when the contact was found; says on which side the cable is.
         direction: (m, 3) unit, along the edge.
+        extent: (m, 2) [m] how far the edge goes from `point`, back and on.
         distance: (m,) [m] between axis and feature when they touch.
 
     Returns:
@@ -108,8 +109,10 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
             push[c] = given[c]
             numbers[c, 1] = distance[c]
             continue
+        ends = False
         if feature[c] == EDGE:
             we = offset[0] * e[0] + offset[1] * e[1] + offset[2] * e[2]
+            ends = we < extent[c, 0] or we > extent[c, 1]
             for k in range(3):
                 offset[k] -= we * e[k]
         size = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
@@ -122,7 +125,7 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         d = max(signed, 1e-3 * distance[c])
         n, t = normal[c], axes[j, 2]
         numbers[c, 1] = d
-        if share < -BEYOND or share > 1.0 + BEYOND:
+        if ends or share < -BEYOND or share > 1.0 + BEYOND:
             gap[c] = FAR
             continue
         if feature[c] == EDGE:

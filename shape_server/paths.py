@@ -86,7 +86,9 @@ def compile_kernels() -> ModuleType:
     border = kernels.columns(axes, lengths, 0, segment, half, up, np.array([0]))
     kernels.factor_and_solve(diagonal, upper, border)
     kernels.retract(frames, np.zeros((3, 3)))
-    geometry(nodes, axes, lengths, segment, half, np.array([1]), up, up, np.array([[1.0, 0.0, 0.0]]), np.array([0.1]))
+    geometry(
+        nodes, axes, lengths, segment, half, np.array([1]), up, up, np.array([[1.0, 0.0, 0.0]]), np.array([[-1.0, 1.0]]), np.array([0.1])
+    )
     return kernels
 
 

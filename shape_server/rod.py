@@ -132,7 +132,17 @@ def look(rod: Rod, state: State) -> tuple[State, View]:
         return state, View(axes, nodes, at - held.goal, _NO_ROWS, rows, rows, rows, rows, np.zeros((0, 4)))
     fraction = state.fraction.copy()
     seen = contact_geometry(
-        nodes, axes, rod.mesh.lengths, touch.element, fraction, touch.feature, touch.point, touch.normal, touch.direction, touch.distance
+        nodes,
+        axes,
+        rod.mesh.lengths,
+        touch.element,
+        fraction,
+        touch.feature,
+        touch.point,
+        touch.normal,
+        touch.direction,
+        touch.extent,
+        touch.distance,
     )
     moved = replace(state, fraction=fraction)
     return moved, View(axes, nodes, at - held.goal, *seen)

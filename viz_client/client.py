@@ -18,7 +18,7 @@ from typing import Final
 
 from protocol import recording
 from protocol.channel import Client, Subscriber
-from protocol.codec import decode, encode
+from protocol.codec import decode
 from protocol.errors import MessageError, PeerLostError
 from protocol.messages import Error, Finished, Frame, Snapshot, SnapshotRequest, Statistics, StatisticsRequest
 
@@ -95,30 +95,31 @@ class _Session:
         self._drawn = 0
 
     def run(self, *, replay: bool, pictures: bool) -> Watched:
-        snapshot = self._snapshot()
-        if snapshot is None:
+        found = self._snapshot()
+        if found is None:
             return Watched(0, 0, complete=False, sentence="stopped before the run had begun")
+        data, snapshot = found
         triangles = sum(len(solid.triangles) for solid in snapshot.solids)
         self._say(f"snapshot after {self._elapsed()}: {len(snapshot.solids)} solids, {triangles} triangles")
         self._out.mkdir(parents=True, exist_ok=True)
         painter: Painter | None = None
         try:
             with recording.Writer(self._out / recording.FILE_NAME) as writer:
-                writer.write(encode(snapshot))
+                writer.write(data)
                 painter = Painter(self._out, drawn=self._tell_drawn, failed=self._say) if pictures else None
                 watched = self._record(snapshot, writer, painter)
             missing = f"{watched.missing} missing" if watched.missing else "none missing"
             self._say(f"recorded {watched.frames} frames in {self._elapsed()}, {missing}: {watched.sentence}")
+            if replay and not self._stop.is_set():
+                page(self._out, self._say)  # the drawing process is at work meanwhile
             if painter and not self._stop.is_set():
                 painter.finish()
         finally:
             if painter:
                 painter.close()
-        if replay and not self._stop.is_set():
-            page(self._out, self._say)
         return watched
 
-    def _snapshot(self) -> Snapshot | None:
+    def _snapshot(self) -> tuple[bytes, Snapshot] | None:
         """What the scene looks like, as soon as the environment knows; None if told to stop before."""
         greeted, problem = False, ""
         while self._seconds() < START_LIMIT and not self._stop.is_set():
@@ -126,13 +127,15 @@ class _Session:
                 if not greeted:
                     self._client.greet(1.0)
                     greeted = True
-                answer = self._client.ask(SnapshotRequest(), ANSWER_LIMIT)
-            except PeerLostError as error:
+                self._client.send(SnapshotRequest())
+                data = self._client.receive_bytes(ANSWER_LIMIT)
+                answer = decode(data) if data else None
+            except (PeerLostError, MessageError) as error:
                 problem = str(error)
                 continue
-            if isinstance(answer, Snapshot):
-                return answer
-            problem = answer.sentence if isinstance(answer, Error) else f"it answered with a {type(answer).__name__}"
+            if data and isinstance(answer, Snapshot):
+                return data, answer
+            problem = answer.sentence if isinstance(answer, Error) else "it gave no answer"
             self._stop.wait(POLL)
         if self._stop.is_set():
             return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import multiprocessing
 import os
 import re
@@ -105,7 +106,7 @@ def _paint(pipe: Connection, recording_path: Path) -> None:
     """Life of the drawing process: a picture for every frame that comes, until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(5)  # the programs that compute go first
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # PyBullet greets on stdout
+    _import_quietly()
     with Studio(recording.read(recording_path).snapshot) as studio:
         while True:
             try:
@@ -120,3 +121,12 @@ def _paint(pipe: Connection, recording_path: Path) -> None:
                 pipe.send(f"{error}")
             else:
                 pipe.send("")
+
+
+def _import_quietly() -> None:
+    """Import PyBullet, which prints when it was built."""
+    kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    os.dup2(nothing, 2)
+    importlib.import_module("pybullet")
+    os.dup2(kept, 2)

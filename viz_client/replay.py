@@ -28,12 +28,12 @@ from .tube import resampled, tube, tube_triangles
 from .view import fit_view
 
 FRAMES_MAX: Final = 500
-CAMERA: Final = (0.2, 0.75)  # rad, see `fit_view`: over the robot's head, between its arms
+CAMERA: Final = (0.95, 0.6)  # rad, see `fit_view`: past the robot, from behind its right shoulder
 LABEL_HEIGHT: Final = 0.12  # m, above the highest point that any cable reaches
 POSTURE_SHOWN: Final = 1.0  # s of simulated time that a key posture's name stays
 OVERLAY_STYLE: Final = (
-    "position:fixed;right:12px;top:12px;z-index:1000;padding:8px 12px;border-radius:6px;pointer-events:none;"
-    "background:rgba(255,255,255,.85);color:#262c34;font:14px/1.4 system-ui,sans-serif"
+    "position:fixed;right:12px;top:12px;max-width:28vw;z-index:1;padding:8px 12px;border-radius:6px;pointer-events:none;"
+    "background:rgba(255,255,255,.85);color:#262c34;font:12px/1.4 system-ui,sans-serif"
 )
 NODES: Final = 100  # of a drawn cable
 SIDES: Final = 8  # of a drawn cable

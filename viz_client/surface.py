@@ -1,6 +1,6 @@
 """Triangles as they are drawn: round where the solid is round, sharp where it is sharp.
 
-A vertex is split where two of its triangles meet at a crease, an edge whose faces enclose more than 30 degrees; every
+A vertex is split where two of its triangles meet at a crease, an edge whose faces enclose more than 45 degrees; every
 part gets the mean normal of its triangles, weighted by area. Without this either everything looks faceted or every edge
 looks melted.
 """
@@ -16,7 +16,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-CREASE: Final = np.cos(np.radians(30.0))
+CREASE: Final = np.cos(np.radians(45.0))
 WELD: Final = 1e-6  # m; vertices closer than this on every axis are one
 
 

@@ -31,6 +31,7 @@ class OneSided:
     point: np.ndarray  # (m, 3) m
     normal: np.ndarray  # (m, 3) unit
     direction: np.ndarray  # (m, 3) unit
+    extent: np.ndarray  # (m, 2) m, of the edge from `point`
     distance: np.ndarray  # (m,) m
     push: np.ndarray  # (m,) N, along the normal, to start from
 
@@ -44,6 +45,7 @@ def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
     """
     element, fraction = mesh.locate(contacts.s[chosen])
     push = np.maximum(np.einsum("ij,ij->i", contacts.force[chosen], contacts.normal[chosen]), 0.0)
+    extent = contacts.extent[chosen].copy()
     source = [(k, int(j)) for k, j in enumerate(element) if contacts.feature[chosen[k]] == Feature.FACE]
     for group in _by_feature(contacts, [k for k in range(len(chosen)) if contacts.feature[chosen[k]] != Feature.FACE], chosen):
         taken = {int(element[k]): k for k in reversed(group)}
@@ -51,6 +53,7 @@ def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
         middle = 0.5 * (mesh.s[:-1] + mesh.s[1:])
         taken |= {j: min(group, key=lambda k: abs(contacts.s[chosen[k]] - middle[j])) for j in near}
         source += [(k, j) for j, k in taken.items()]
+        _join_extents(contacts, group, chosen, extent)
     source.sort(key=lambda item: (item[1], item[0]))
     of = np.array([k for k, _ in source], dtype=np.int64)
     segment = np.array([j for _, j in source], dtype=np.int64)
@@ -64,6 +67,7 @@ def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
         point=contacts.point[index],
         normal=contacts.normal[index],
         direction=contacts.direction[index],
+        extent=extent[of],
         distance=contacts.distance[index],
         push=np.where(is_own, push[of], 0.0),
     )
@@ -80,6 +84,19 @@ def _by_feature(contacts: Contacts, rows: list[int], chosen: np.ndarray) -> list
         else:
             groups.append([k])
     return groups
+
+
+def _join_extents(contacts: Contacts, group: list[int], chosen: np.ndarray, extent: np.ndarray) -> None:
+    """Let edges on one line count as one edge from the first end to the last."""
+    if len(group) == 1 or contacts.feature[chosen[group[0]]] != Feature.EDGE:
+        return
+    first = chosen[group[0]]
+    along = contacts.direction[first]
+    place = np.array([(contacts.point[chosen[k]] - contacts.point[first]) @ along for k in group])
+    sign = np.array([np.sign(contacts.direction[chosen[k]] @ along) for k in group])
+    ends = np.sort(extent[group] * sign[:, None], axis=1) + place[:, None]
+    for k, at, turned in zip(group, place, sign, strict=True):
+        extent[k] = np.sort(turned * (np.array([ends[:, 0].min(), ends[:, 1].max()]) - at))
 
 
 def _is_same_feature(contacts: Contacts, one: int, other: int) -> bool:

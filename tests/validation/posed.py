@@ -53,14 +53,16 @@ def start_from(shape: Shape) -> Start:
     return Start(s=shape.s, frames=shape.frames, grasp_forces=np.ascontiguousarray(shape.grasp_wrenches[:, :3]))
 
 
-def unbalance(cable: Cable, shape: Shape, grasps: Grasps) -> tuple[float, float]:
+def unbalance(cable: Cable, shape: Shape, grasps: Grasps, points: np.ndarray | None = None) -> tuple[float, float]:
     """Sum of all forces, and of their moments about the origin, on the whole cable; over its weight, and weight times length.
 
-    The weight of every segment acts at its middle, a contact on the axis at its arc length.
+    The weight of every segment acts at its middle, a contact on the axis at its arc length, or at the `points` of the
+    bodies, (m, 3) [m]: without friction the line of the force passes through the edge, and the axis is a polygon.
     """
     middle = (shape.nodes[1:] + shape.nodes[:-1]) / 2
     weight = cable.mass_per_length * G * np.diff(shape.s)[:, None] * np.array([0.0, 0.0, -1.0])
-    touch = np.column_stack([np.interp(shape.contact_s, shape.s, shape.nodes[:, axis]) for axis in range(3)])
+    axis = np.column_stack([np.interp(shape.contact_s, shape.s, row) for row in shape.nodes.T])
+    touch = axis if points is None else points
     force = shape.grasp_wrenches[:, :3].sum(0) + shape.contact_forces.sum(0) + weight.sum(0)
     moment = (
         shape.grasp_wrenches[:, 3:].sum(0)
@@ -77,7 +79,7 @@ def touches(
     distance: float,
     friction: Friction = Friction.NONE,
 ) -> Contacts:
-    """Contacts from rows of arc length [m], feature, its point [m], normal, and direction of the edge."""
+    """Contacts from rows of arc length [m], feature, its point [m], normal, and direction of the edge, 1 m to either side."""
     count = len(rows)
     return Contacts(
         s=np.array([row[0] for row in rows], dtype=float),
@@ -86,6 +88,7 @@ def touches(
         point=np.array([row[2] for row in rows], dtype=float).reshape(-1, 3),
         normal=np.array([row[3] for row in rows], dtype=float).reshape(-1, 3),
         direction=np.array([row[4] for row in rows], dtype=float).reshape(-1, 3),
+        extent=np.array([(-1.0, 1.0) if row[1] is Feature.EDGE else (0.0, 0.0) for row in rows]),
         distance=np.full(count, distance),
         friction=np.full(count, FRICTION_CODES.index(friction), dtype=np.int64),
         force=np.zeros((count, 3)),

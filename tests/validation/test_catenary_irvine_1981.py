@@ -129,7 +129,9 @@ def test_the_cable_hangs_as_a_catenary(name: str) -> None:
 @each_end
 def test_the_end_forces_are_those_of_the_catenary(name: str) -> None:
     wanted = reference(name).end_forces(1.0)
-    assert hung(name).grasp_wrenches[:, :3] == pytest.approx(wanted, rel=1e-7, abs=1e-9)  # measured 1e-17, and 1.1e-9 when nearly taut and rising: 1 - chord has 8 digits
+    assert hung(name).grasp_wrenches[:, :3] == pytest.approx(
+        wanted, rel=1e-7, abs=1e-9
+    )  # measured 1e-17, and 1.1e-9 when nearly taut and rising: 1 - chord has 8 digits
 
 
 @pytest.mark.parametrize("name", [name for name in ENDS if "deep" not in name])
@@ -166,7 +168,7 @@ def bond(s: float, point: tuple[float, float, float]) -> Contacts:
 @pytest.mark.parametrize(("s", "point"), [(0.5, (0.35, 0.0, -0.1)), (0.4, (0.3, 0.05, -0.2)), (0.25, (0.1, 0.0, 0.1))])
 def test_a_bonded_point_splits_the_cable_in_two_catenaries(s: float, point: tuple[float, float, float]) -> None:
     end = np.array(ENDS["level"])
-    touch = np.array(point) + (0.0, 0.0, 0.0045)
+    touch = np.array(point) + 0.0045 * np.array(UPWARD)
     left, right = hanging(np.zeros(3), touch, s), hanging(touch, end, 1 - s)
     shape = ask(cable(), held(ENDS["level"]), contacts=bond(s, point))
     assert shape.outcome is Outcome.CONVERGED

@@ -128,7 +128,11 @@ def test_positions_frames_forces_and_moments_converge_with_order_two(name: str) 
     shapes = [on_mesh(name, segments) for segments in MESHES]
     errors = np.array(
         [
-            [position_error(shape, exact), frame_error(shape, exact), *np.abs(shape.grasp_wrenches - exact.wrenches()).reshape(2, 2, 3).max((0, 2))]
+            [
+                position_error(shape, exact),
+                frame_error(shape, exact),
+                *np.abs(shape.grasp_wrenches - exact.wrenches()).reshape(2, 2, 3).max((0, 2)),
+            ]
             for shape in shapes
         ]
     )  # (meshes, 4)

@@ -1,0 +1,229 @@
+"""The contract that every effect keeps, found by its name in the table; a new effect is tested without a change here.
+
+One posture asks for each effect; a new name in `ASKED_BY` fails here until it has one.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from linear_model import Model, bend, build, look, model, slopes, state_of
+from rods import ALONG_X, GRAVITY, WEIGHTLESS, Row, cable, contacts, grasps, span
+from scipy.spatial.transform import Rotation
+
+import shape_server
+from protocol.kinds import Feature, Friction
+from protocol.messages import Problem
+from protocol.scene import Vector
+from shape_server import effects, numpy_path, solve
+from shape_server.rod import Rod, State
+
+FOLDER = Path(shape_server.__file__).parent / "effects"
+ROD = Problem(cable=cable(mass=0.0), grasps=span())
+FEATURE = Row(s=0.47, point=(0.28, 0.0, -0.2), direction=(0.0, 1.0, 0.0), feature=Feature.EDGE)
+POSTURES: dict[str, tuple[Problem, Vector]] = {
+    "gravity": (Problem(cable=cable(), grasps=span()), GRAVITY),
+    "bending": (ROD, WEIGHTLESS),
+    "twist": (ROD, WEIGHTLESS),
+    "contact": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(FEATURE)), WEIGHTLESS),
+    "bond": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(replace(FEATURE, friction=Friction.BOND))), WEIGHTLESS),
+}
+"""A posture for every effect: the smallest problem that asks for it."""
+INTERNAL = ("bending", "twist")  # forces of the cable on itself
+
+EVERY = pytest.mark.parametrize("name", list(effects.ASKED_BY))
+
+
+def crooked(count: int) -> np.ndarray:
+    """Frames (count, 4) along a curve in space, twisted."""
+    rng = np.random.default_rng(8)
+    noise = rng.normal(scale=0.15, size=(count, 3))
+    steps = Rotation.from_rotvec(noise + np.array([0.0, 0.9 / count, 0.3 / count]))
+    frames = [Rotation.from_quat(ALONG_X) * Rotation.from_rotvec([0.1, -0.4, 0.2])]
+    for step in steps[1:]:
+        frames.append(frames[-1] * step)
+    return Rotation.concatenate(frames).as_quat()
+
+
+def loaded(name: str) -> tuple[Rod, State]:
+    """A crooked rod under one effect, every row of it with a force."""
+    problem, gravity = POSTURES[name]
+    rod = build(problem, gravity)
+    frames = crooked(len(rod.mesh.lengths))
+    state = state_of(rod, frames)
+    force = np.random.default_rng(9).normal(size=state.force.shape)
+    push = np.where(look(rod, state)[1].gap < 0.5, 1.5, 0.0) if rod.touch is not None else state.push
+    return rod, state_of(rod, frames, force=force, push=push)
+
+
+def moved(problem: Problem, gravity: Vector, turn: Rotation, shift: np.ndarray) -> tuple[Problem, Vector]:
+    """The whole problem turned and then displaced."""
+    held = problem.grasps
+    held = replace_part(held, position=turn.apply(held.position) + shift, quaternion=(turn * Rotation.from_quat(held.quaternion)).as_quat())
+    touched = problem.contacts
+    if touched is not None:
+        touched = replace_part(
+            touched,
+            point=turn.apply(touched.point) + shift,
+            normal=turn.apply(touched.normal),
+            direction=turn.apply(touched.direction),
+        )
+    g = turn.apply(gravity)
+    return Problem(cable=problem.cable, grasps=held, contacts=touched), (float(g[0]), float(g[1]), float(g[2]))
+
+
+def replace_part(part: object, **changes: object) -> object:
+    """A message part with some fields changed."""
+    return type(part)(**{name: changes.get(name, getattr(part, name)) for name in part.__struct_fields__})
+
+
+def quadratic_form(found: Model, turn: np.ndarray) -> float:
+    """Second derivative that the step believes in."""
+    return float(turn.ravel() @ (found.hessian + found.curvature) @ turn.ravel())
+
+
+def test_every_effect_has_a_posture_here() -> None:
+    assert POSTURES.keys() == effects.ASKED_BY.keys()
+
+
+def test_every_effect_has_a_file_and_every_file_is_in_the_table() -> None:
+    assert {path.stem for path in FOLDER.glob("*.py")} - {"__init__"} == effects.ASKED_BY.keys()
+
+
+@EVERY
+def test_the_posture_asks_for_the_effect(name: str) -> None:
+    problem, gravity = POSTURES[name]
+    assert name in effects.asked_for(problem, gravity)
+
+
+@EVERY
+def test_an_effect_says_in_its_file_what_it_is(name: str) -> None:
+    text = effects.load(name).__doc__ or ""
+    assert len(text.split()) > 20
+
+
+@EVERY
+def test_the_gradient_is_the_slope_of_the_energy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rod, state = loaded(name)
+    np.testing.assert_allclose(model(rod, state, monkeypatch).gradient, slopes(rod, state), atol=1e-8)  # measured 3e-11
+
+
+@EVERY
+def test_the_hessian_is_the_second_derivative_of_the_energy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rod, state = loaded(name)
+    found = model(rod, state, monkeypatch)
+    rng = np.random.default_rng(10)
+    for _ in range(10):
+        turn = rng.normal(size=state.frames[:, :3].shape)
+        assert quadratic_form(found, turn) == pytest.approx(bend(rod, state, turn, 1e-4), rel=1e-4, abs=1e-4)  # measured 1e-6
+
+
+@EVERY
+def test_the_hessian_is_symmetric(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rod, state = loaded(name)
+    found = model(rod, state, monkeypatch)
+    for matrix in (found.hessian, found.curvature):
+        np.testing.assert_allclose(matrix, matrix.T, atol=1e-12 * max(1.0, np.abs(matrix).max()))
+
+
+@EVERY
+def test_internal_effects_exert_no_net_force_and_no_net_moment(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Turning the whole free cable changes no energy of its own; gravity changes it by the moment of the weight."""
+    problem, gravity = POSTURES[name]
+    rod = build(problem, gravity)
+    rod = replace(rod, clamp_of_node=np.full(len(rod.mesh.s), -1), clamp_frames=np.zeros((0, 4)))
+    frames = crooked(len(rod.mesh.lengths))
+    state = state_of(rod, frames)
+    state = replace(state, force=np.zeros_like(state.force), push=np.zeros_like(state.push), touches=np.zeros_like(state.touches))
+    gradient = model(rod, state, monkeypatch).gradient.reshape(-1, 3)
+    moment = Rotation.from_quat(frames).apply(gradient).sum(axis=0)
+    _, view = look(rod, state)
+    expected = -np.cross(view.nodes - rod.origin, rod.loads).sum(axis=0)
+    np.testing.assert_allclose(moment, expected, atol=1e-14)
+    weight = np.multiply(problem.cable.mass_per_length * problem.cable.length, gravity)
+    np.testing.assert_allclose(rod.loads.sum(axis=0), weight, atol=1e-15)
+    if name in INTERNAL:
+        assert not rod.loads.any()
+
+
+@EVERY
+def test_a_straight_cable_at_rest_feels_nothing_but_its_weight(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, gravity = POSTURES[name]
+    straight = grasps((0.0, (0.0, 0.0, 0.0), ALONG_X), (1.0, (1.0, 0.0, 0.0), ALONG_X))
+    rod = build(Problem(cable=problem.cable, grasps=straight, contacts=problem.contacts), gravity)
+    state = state_of(rod, np.tile(ALONG_X, (len(rod.mesh.lengths), 1)))
+    gradient = model(rod, state, monkeypatch).gradient.reshape(-1, 3)
+    carried = numpy_path.carried_forces(rod.loads, rod.base)
+    turned = np.cross([0.0, 0.0, 1.0], Rotation.from_quat(ALONG_X).inv().apply(carried)) * rod.mesh.lengths[:, None]
+    np.testing.assert_allclose(gradient, -turned, atol=1e-14)
+    if name != "gravity":
+        assert not gradient.any()
+
+
+@EVERY
+def test_the_shape_turns_and_moves_with_the_problem(name: str) -> None:
+    problem, gravity = POSTURES[name]
+    turn, shift = Rotation.from_rotvec([0.3, -1.1, 0.7]), np.array([0.4, -2.0, 1.3])
+    here = solve(problem, gravity)
+    there = solve(*moved(problem, gravity, turn, shift))
+    assert here.outcome is there.outcome
+    assert len(here.s)
+    # Weightless between equal clamps, a cable may lean to any side; its size may not depend on where it stands.
+    assert there.tension.max() == pytest.approx(here.tension.max(), abs=1e-4)
+    if name == "gravity":
+        np.testing.assert_allclose(there.nodes, turn.apply(here.nodes) + shift, atol=1e-6)
+
+
+@EVERY
+def test_the_gradient_turns_and_moves_with_the_problem(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rod, state = loaded(name)
+    turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
+    rod_there = build(*moved(*POSTURES[name], turn, np.array([0.4, -2.0, 1.3])))
+    frames = (turn * Rotation.from_quat(state.frames)).as_quat()
+    there = replace(state, frames=frames, force=turn.apply(state.force))
+    expected = model(rod, state, monkeypatch).gradient
+    np.testing.assert_allclose(model(rod_there, there, monkeypatch).gradient, expected, atol=1e-12)
+
+
+@EVERY
+def test_an_effect_that_is_not_asked_for_is_not_imported_and_adds_nothing(name: str) -> None:
+    """In a program of its own: the effects imported are exactly those that the request asks for."""
+    script = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_every_effect import POSTURES
+for key in [key for key in sys.modules if key.startswith("shape_server")]:
+    del sys.modules[key]
+import shape_server
+from shape_server import effects
+problem, gravity = POSTURES[{name!r}]
+shape_server.solve(problem, gravity)
+loaded = {{key.removeprefix("shape_server.effects.") for key in sys.modules if key.startswith("shape_server.effects.")}}
+print(sorted(loaded), sorted(effects.asked_for(problem, gravity)), sep="|")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    imported, asked = done.stdout.strip().split("|")
+    assert imported == asked
+
+
+@EVERY
+def test_leaving_an_effect_out_leaves_out_its_unknowns(name: str) -> None:
+    problem, gravity = POSTURES[name]
+    bare = build(ROD, WEIGHTLESS)
+    rod = build(problem, gravity)
+    added = {
+        "gravity": rod.loads.any(),
+        "bending": rod.law[0] > 0,
+        "twist": rod.law[2] > 0,
+        "contact": rod.touch is not None,
+        "bond": len(rod.held.element) > len(bare.held.element),
+    }
+    assert added[name]
+    assert bare.touch is None
+    assert not bare.loads.any()
+    assert len(bare.held.element) == 1

@@ -1,0 +1,223 @@
+"""Compiled kernels against their numpy twins, and both against differences and dense matrices."""
+
+from __future__ import annotations
+
+import inspect
+from types import ModuleType
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from shape_server import kernels, numpy_path
+
+PATHS = pytest.mark.parametrize("path", [kernels, numpy_path], ids=["compiled", "numpy"])
+
+
+class Sample:
+    """A random rod of ten uneven segments with clamps at node 0, in the middle and at the end; seeded."""
+
+    def __init__(self, *, bend: float = 1.0) -> None:
+        rng = np.random.default_rng(3)
+        self.lengths = rng.uniform(0.05, 0.15, 10)
+        self.frames = Rotation.from_rotvec(np.cumsum(bend * rng.normal(scale=0.4, size=(10, 3)), axis=0)).as_quat()
+        self.frames[3] *= -1.0  # the same rotation
+        self.clamp_of_node = np.full(11, -1)
+        self.clamp_of_node[[0, 4, 10]] = [0, 1, 2]
+        self.clamp_frames = Rotation.random(3, random_state=rng).as_quat()
+        self.law = np.array([0.01, 0.013, 0.007])
+        self.forces = rng.normal(size=(11, 3))
+        self.base = 4
+        self.origin = np.array([0.1, -0.2, 0.3])
+        self.turn = rng.normal(size=(10, 3))
+
+    def potential(self, path: ModuleType, frames: np.ndarray) -> float:
+        """Energy less the work of the node forces [J]."""
+        axes = path.directors(frames)
+        nodes = path.positions(axes[:, 2], self.lengths, self.base, self.origin)
+        energy = path.elastic_energy(frames, self.lengths, self.law, self.clamp_of_node, self.clamp_frames)
+        return float(energy - np.vdot(self.forces, nodes))
+
+    def assembled(self, path: ModuleType, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gradient and blocks."""
+        carried = path.carried_forces(self.forces, self.base)
+        return path.assemble(frames, path.directors(frames), self.lengths, self.law, self.clamp_of_node, self.clamp_frames, carried)
+
+
+def dense(diagonal: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """The block-tridiagonal matrix in full."""
+    count = len(diagonal)
+    out = np.zeros((3 * count, 3 * count))
+    for i in range(count):
+        out[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = diagonal[i]
+        if i + 1 < count:
+            out[3 * i : 3 * i + 3, 3 * i + 3 : 3 * i + 6] = upper[i]
+            out[3 * i + 3 : 3 * i + 6, 3 * i : 3 * i + 3] = upper[i].T
+    return out
+
+
+def random_blocks(seed: int, count: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    diagonal = rng.normal(size=(count, 3, 3))
+    upper = rng.normal(size=(count, 3, 3))
+    upper[-1] = 0.0
+    return diagonal + np.swapaxes(diagonal, 1, 2), upper
+
+
+def test_both_paths_offer_the_same_functions() -> None:
+    names = {name for name, value in vars(kernels).items() if not name.startswith("_") and hasattr(value, "py_func")}
+    assert names == {"directors", "positions", "carried_forces", "elastic_energy", "assemble", "columns", "factor_and_solve", "retract"}
+    for name in names:
+        compiled = list(inspect.signature(getattr(kernels, name).py_func).parameters)
+        assert compiled == list(inspect.signature(getattr(numpy_path, name)).parameters)
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-9, 1.0, 4.0])
+def test_compiled_kernels_equal_their_numpy_twins(bend: float) -> None:
+    sample = Sample(bend=bend)
+    axes = [path.directors(sample.frames) for path in (kernels, numpy_path)]
+    np.testing.assert_allclose(*axes, atol=1e-15)
+    for base in (0, 4, 10):
+        nodes = [path.positions(axes[0][:, 2], sample.lengths, base, sample.origin) for path in (kernels, numpy_path)]
+        np.testing.assert_allclose(*nodes, atol=1e-15)
+        carried = [path.carried_forces(sample.forces, base) for path in (kernels, numpy_path)]
+        np.testing.assert_allclose(*carried, atol=1e-14)
+    energies = [
+        path.elastic_energy(sample.frames, sample.lengths, sample.law, sample.clamp_of_node, sample.clamp_frames)
+        for path in (kernels, numpy_path)
+    ]
+    np.testing.assert_allclose(*energies, rtol=1e-13)
+    for compiled, plain in zip(sample.assembled(kernels, sample.frames), sample.assembled(numpy_path, sample.frames), strict=True):
+        np.testing.assert_allclose(compiled, plain, atol=1e-12 * np.abs(plain).max())
+    for scale in (0.0, 1e-10, 1e-3, 1.0, 5.0):
+        turned = [path.retract(sample.frames, scale * sample.turn) for path in (kernels, numpy_path)]
+        np.testing.assert_allclose(*turned, atol=1e-15)
+
+
+@pytest.mark.parametrize("base", [0, 4, 10])
+def test_compiled_columns_equal_their_numpy_twins(base: int) -> None:
+    sample, rng = Sample(), np.random.default_rng(5)
+    axes = kernels.directors(sample.frames)
+    element, fraction = rng.integers(0, 10, 30), rng.uniform(0, 1, 30)
+    vector, is_turn = rng.normal(size=(30, 3)), rng.integers(0, 2, 30)
+    compiled, plain = (path.columns(axes, sample.lengths, base, element, fraction, vector, is_turn) for path in (kernels, numpy_path))
+    np.testing.assert_allclose(compiled, plain, atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("columns", [0, 1, 7])
+def test_compiled_elimination_equals_its_numpy_twin(seed: int, columns: int) -> None:
+    diagonal, upper = random_blocks(seed)
+    right = np.random.default_rng(seed).normal(size=(12, 3, columns))
+    compiled, negative = kernels.factor_and_solve(diagonal, upper, right)
+    plain, counted = numpy_path.factor_and_solve(diagonal, upper, right)
+    assert negative == counted
+    np.testing.assert_allclose(compiled, plain, atol=1e-9)  # measured 3e-12; indefinite, elimination without pivoting
+
+
+@PATHS
+def test_the_gradient_is_the_slope_of_the_potential(path: ModuleType) -> None:
+    sample = Sample()
+    gradient, _, _ = sample.assembled(path, sample.frames)
+    step = 1e-6
+    for j in range(10):
+        for k in range(3):
+            turn = np.zeros((10, 3))
+            turn[j, k] = step
+            slope = sample.potential(path, path.retract(sample.frames, turn)) - sample.potential(path, path.retract(sample.frames, -turn))
+            assert gradient[j, k] == pytest.approx(slope / (2 * step), abs=1e-8)  # measured 2e-10
+
+
+@PATHS
+def test_the_hessian_is_the_second_derivative_of_the_potential_along_any_turn(path: ModuleType) -> None:
+    sample, rng = Sample(), np.random.default_rng(7)
+    _, diagonal, upper = sample.assembled(path, sample.frames)
+    matrix = dense(diagonal, upper)
+    middle = sample.potential(path, sample.frames)
+    for _ in range(20):
+        turn = rng.normal(size=(10, 3))
+        values = [sample.potential(path, path.retract(sample.frames, step * turn)) for step in (1e-3, -1e-3, 2e-3, -2e-3)]
+        # Fourth order: (16 (first pair) - (second pair) - 30 middle) / 12
+        second = (16 * (values[0] + values[1]) - values[2] - values[3] - 30 * middle) / 12e-6
+        assert turn.ravel() @ matrix @ turn.ravel() == pytest.approx(second, rel=1e-6)  # measured 2e-9
+
+
+@PATHS
+def test_the_hessian_is_symmetric(path: ModuleType) -> None:
+    sample = Sample()
+    _, diagonal, upper = sample.assembled(path, sample.frames)
+    np.testing.assert_allclose(diagonal, np.swapaxes(diagonal, 1, 2), atol=1e-14 * np.abs(diagonal).max())
+    assert not upper[-1].any()
+
+
+@PATHS
+def test_the_hessian_is_the_derivative_of_the_gradient_at_a_straight_free_rod(path: ModuleType) -> None:
+    """Where the gradient is zero, its derivative needs no correction for the curved space of rotations."""
+    sample = Sample()
+    sample.forces[:] = 0.0
+    sample.clamp_of_node[:] = -1
+    frames = np.tile(sample.clamp_frames[0], (10, 1))
+    gradient, diagonal, upper = sample.assembled(path, frames)
+    assert np.abs(gradient).max() < 1e-14
+    matrix, step = dense(diagonal, upper), 1e-6
+    for column in range(30):
+        turn = np.zeros(30)
+        turn[column] = step
+        after = sample.assembled(path, path.retract(frames, turn.reshape(10, 3)))[0]
+        before = sample.assembled(path, path.retract(frames, -turn.reshape(10, 3)))[0]
+        np.testing.assert_allclose(matrix[:, column], (after - before).ravel() / (2 * step), atol=1e-8)  # measured 1e-10
+
+
+@PATHS
+@pytest.mark.parametrize("base", [0, 4, 10])
+def test_the_columns_are_the_slopes_of_what_they_stand_for(path: ModuleType, base: int) -> None:
+    sample, rng = Sample(), np.random.default_rng(11)
+    element, fraction = np.arange(10), rng.uniform(0, 1, 10)
+    vector, is_turn = rng.normal(size=(10, 3)), np.array([0, 1] * 5)
+
+    def quantities(frames: np.ndarray) -> np.ndarray:
+        axes = path.directors(frames)
+        nodes = path.positions(axes[:, 2], sample.lengths, base, sample.origin)
+        points = nodes[element] + fraction[:, None] * np.diff(nodes, axis=0)[element]
+        return np.einsum("ij,ij->i", vector, np.where(is_turn[:, None] == 1, axes[element, 2], points))
+
+    columns = path.columns(path.directors(sample.frames), sample.lengths, base, element, fraction, vector, is_turn)
+    step = 1e-6
+    for j in range(10):
+        for k in range(3):
+            turn = np.zeros((10, 3))
+            turn[j, k] = step
+            slope = (quantities(path.retract(sample.frames, turn)) - quantities(path.retract(sample.frames, -turn))) / (2 * step)
+            np.testing.assert_allclose(columns[j, k], slope, atol=1e-9)  # measured 5e-11
+
+
+@PATHS
+@pytest.mark.parametrize("seed", range(20))
+def test_the_count_of_negative_pivots_is_that_of_negative_eigenvalues(path: ModuleType, seed: int) -> None:
+    diagonal, upper = random_blocks(seed)
+    matrix = dense(diagonal, upper)
+    right = np.random.default_rng(seed).normal(size=(12, 3, 2))
+    solution, negative = path.factor_and_solve(diagonal, upper, right)
+    assert negative == (np.linalg.eigvalsh(matrix) < 0).sum()
+    expected = np.linalg.solve(matrix, right.reshape(36, 2)).reshape(12, 3, 2)
+    np.testing.assert_allclose(solution, expected, atol=1e-8)  # measured 5e-12
+
+
+@PATHS
+def test_a_retracted_frame_is_the_frame_times_the_turn(path: ModuleType) -> None:
+    sample = Sample()
+    expected = (Rotation.from_quat(sample.frames) * Rotation.from_rotvec(sample.turn)).as_matrix()
+    np.testing.assert_allclose(Rotation.from_quat(path.retract(sample.frames, sample.turn)).as_matrix(), expected, atol=1e-14)
+
+
+@PATHS
+def test_energy_of_a_circle_converges_to_the_exact_one_with_second_order(path: ModuleType) -> None:
+    """EI/2 kappa^2 L of a closed circle of one metre, per vertex; the error falls by four when segments halve."""
+    errors = []
+    for count in (25, 50, 100):
+        turns = Rotation.from_rotvec(np.outer(np.arange(count), [2 * np.pi / count, 0.0, 0.0]))
+        free = np.full(count + 1, -1)
+        energy = path.elastic_energy(turns.as_quat(), np.full(count, 1 / count), np.ones(3), free, np.zeros((0, 4)))
+        errors.append(energy / ((count - 1) / count * 0.5 * (2 * np.pi) ** 2) - 1)
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.1)
+    assert errors[1] / errors[2] == pytest.approx(4.0, abs=0.03)
