@@ -76,6 +76,8 @@ class Contacts(Part, frozen=True):
             _check_floats(f"contacts.{name}", getattr(self, name), (count, 3), EXTENT_MAX)
         _check_floats("contacts.extent", self.extent, (count, 2), EXTENT_MAX)
         _check_floats("contacts.force", self.force, (count, 3), 1e9)
+        _check_units("contacts.normal", self.normal)
+        _check_units("contacts.direction", self.direction[self.feature == Feature.EDGE])
         for name, low, high in (("body", -1, 10_000), ("feature", 0, len(Feature) - 1), ("friction", 0, len(FRICTION_CODES) - 1)):
             _check_integers(f"contacts.{name}", getattr(self, name), count, low, high)
 
@@ -105,6 +107,23 @@ class Problem(Part, frozen=True):
     grasps: Grasps
     contacts: Contacts | None = None
     start: Start | None = None  # without it: a cold start
+
+    def __post_init__(self) -> None:
+        """Check the cable, and what goes together."""
+        _check_cable(self.cable)
+        length, s = self.cable.length, self.grasps.s
+        if not len(s) or s[0] < 0 or s[-1] > length:
+            raise MessageError(f"grasps.s: must have an entry or more, all from 0 to the cable's length, {length:g} m", key="grasps.s")
+        if len(s) > 1 and np.diff(s).min() < 1e-6 * length:
+            raise MessageError(
+                f"grasps.s: two grasps are closer than {1e-6 * length:g} m along the cable; hold it at two places", key="grasps.s"
+            )
+        if self.contacts is not None and len(self.contacts.s) and not 0 <= self.contacts.s.min() <= self.contacts.s.max() <= length:
+            raise MessageError(f"contacts.s: must lie from 0 to the cable's length, {length:g} m", key="contacts.s")
+        if self.start is not None and len(self.start.grasp_forces) != len(s):
+            raise MessageError(
+                f"start.grasp_forces: has {len(self.start.grasp_forces)} rows for {len(s)} grasps; give one each", key="start.grasp_forces"
+            )
 
 
 class Cost(Part, frozen=True):
@@ -344,6 +363,22 @@ AnyMessage = (
 )
 
 
+def _check_cable(cable: Cable) -> None:
+    """Check the numbers of a cable that came over the wire."""
+    for name, value, least in (
+        ("length", cable.length, 0.0),
+        ("diameter", cable.diameter, 0.0),
+        ("bending", cable.bending, 0.0),
+        ("twist", cable.twist, 0.0),
+        ("mass_per_length", cable.mass_per_length, -1.0),
+    ):
+        if value is not None and not (least < value < 1e12 and value >= 0.0):
+            above = "be positive" if least == 0.0 else "not be negative"
+            raise MessageError(f"cable.{name}: {value!r} must {above}, and finite", key=f"cable.{name}")
+    if (cable.bending is None) != (cable.twist is None):
+        raise MessageError("cable: has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)", key="cable")
+
+
 def _check_count(key: str, count: int, most: int) -> None:
     if count > most:
         raise MessageError(f"{key}: {count} entries are too many; at most {most}", key=key)
@@ -355,6 +390,11 @@ def _check_floats(key: str, array: np.ndarray, shape: tuple[int, ...], most: flo
     # A comparison with NaN is false, so this one test covers NaN and infinity as well.
     if array.size and not max(array.max(), -array.min()) < most:
         raise MessageError(f"{key}: holds a value that is not finite, or not below {most:g}", key=key)
+
+
+def _check_units(key: str, array: np.ndarray) -> None:
+    if len(array) and np.abs(np.einsum("ij,ij->i", array, array) - 1.0).max() > 1e-6:
+        raise MessageError(f"{key}: every vector must have length 1 to within 5e-7", key=key)
 
 
 def _check_integers(key: str, array: np.ndarray, count: int, low: int, high: int) -> None:

@@ -8,7 +8,8 @@ The axis bends at its nodes only, and left at that, an edge would be pinned at t
 sliding force F has a ripple -F kappa/2 (s (h - s) + const) within each segment of length h, as the peak of the moment falls
 between the nodes. The distance is therefore measured from the segment less a bulge b(s), a cubic whose slopes at the ends are
 half the turn alpha of the axis at that node, towards the feature: b' = (-alpha_0 / 2, alpha_1 / 2), b = alpha h / 8 where the
-axis bends around the feature and 0 where it bends away. The bulge cancels the ripple, the force turns smoothly from segment
+axis bends around the feature and 0 where it bends away. The turns count as given numbers when the gap is differentiated: a
+change of theirs moves it by h/8 of the change, which the next iteration takes up. The bulge cancels the ripple, the force turns smoothly from segment
 to segment, and the axis stays clear by at most kappa h^2 / 8 of what it touches, never too near.
 
 First derivative, with c the nearest point, t the tangent, n the normal and e the edge, m = e x n, mu = m.t (for a vertex
@@ -117,7 +118,8 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
                 offset[k] -= we * e[k]
         size = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
         side = offset[0] * given[c, 0] + offset[1] * given[c, 1] + offset[2] * given[c, 2]
-        signed = size if side >= 0.0 else -size
+        # A contact may turn by more than a right angle around a sharp edge before it is on the other side of it.
+        signed = size if side >= -0.5 * size else -size
         for k in range(3):
             normal[c, k] = offset[k] / signed if size > 1e-12 else given[c, k]
         push[c] = normal[c]

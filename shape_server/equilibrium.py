@@ -39,7 +39,7 @@ class Settled:
     is_converged: bool
     is_stable: bool
     iterations: int
-    unbalanced: float  # N m
+    unbalanced: float  # N
     why: str  # why it stopped
 
 

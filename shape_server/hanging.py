@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -52,7 +52,7 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
     if not np.linalg.norm(load) > 0:
         sentence = "a cable without bending and without weight has no definite shape; give it a mass per length and gravity, or bending"
         return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
-    kept = np.arange(count)
+    kept = _separate(problem)
     while True:
         hanging = _with_bonds(problem, load, tolerance, kept, count)
         if contacts is None or hanging.outcome is not Outcome.CONVERGED or not len(kept):
@@ -61,6 +61,18 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
         if push.min() >= 0.0:
             return hanging
         kept = np.delete(kept, int(np.argmin(push)))
+
+
+def _separate(problem: Problem) -> np.ndarray:
+    """Indices of the bonds that hold a place of their own: no second one, none where a gripper holds."""
+    if problem.contacts is None:
+        return np.zeros(0, dtype=np.int64)
+    taken, kept = list(problem.grasps.s), []
+    for index, place in enumerate(problem.contacts.s):
+        if np.abs(np.array(taken) - place).min() > 1e-9 * problem.cable.length:
+            taken.append(place)
+            kept.append(index)
+    return np.array(kept, dtype=np.int64)
 
 
 def _with_bonds(problem: Problem, load: np.ndarray, tolerance: float, kept: np.ndarray, contact_count: int) -> Hanging:
@@ -85,8 +97,9 @@ def _with_bonds(problem: Problem, load: np.ndarray, tolerance: float, kept: np.n
         mesh = even(problem.cable.length, grasps.s, segments)
         hanging = _pieces(problem, load, mesh, s, points, order, kept, contact_count)
         if hanging.sag <= tolerance:
-            break
-    return hanging
+            return hanging
+    sentence = f"closed form; a straight segment is {hanging.sag:.2g} m from the curve, above the tolerance of {tolerance:.2g} m"
+    return replace(hanging, sentence=sentence)
 
 
 def _pieces(

@@ -16,13 +16,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import ModuleType
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from .border import Border, curvature_rows
-from .contact_geometry import contact_geometry
-from .effects.contact import SOFTNESS, OneSided
 from .mesh import Mesh
+
+if TYPE_CHECKING:
+    from .effects.contact import OneSided
+
+SOFTNESS: Final = 1e-7  # m by which a contact or bond gives way under the typical force
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ class Step:
     push: np.ndarray  # (m,) N, new forces at contacts
     touches: np.ndarray  # (m,) bool, contacts that push
     is_stable: bool
-    unbalanced: float  # N m, largest entry of the gradient before the step
+    unbalanced: float  # N, largest unbalanced couple of a segment before the step, over its length
     slope: float  # J, gradient . turn
 
 
@@ -131,19 +135,7 @@ def look(rod: Rod, state: State) -> tuple[State, View]:
         rows = _NO_ROWS.reshape(0, 3)
         return state, View(axes, nodes, at - held.goal, _NO_ROWS, rows, rows, rows, rows, np.zeros((0, 4)))
     fraction = state.fraction.copy()
-    seen = contact_geometry(
-        nodes,
-        axes,
-        rod.mesh.lengths,
-        touch.element,
-        fraction,
-        touch.feature,
-        touch.point,
-        touch.normal,
-        touch.direction,
-        touch.extent,
-        touch.distance,
-    )
+    seen = touch.look(nodes, axes, rod.mesh.lengths, fraction)
     moved = replace(state, fraction=fraction)
     return moved, View(axes, nodes, at - held.goal, *seen)
 
@@ -218,7 +210,7 @@ def newton_step(rod: Rod, state: State, view: View, *, softness: tuple[float, fl
         push=push,
         touches=touches,
         is_stable=negative + closed.positive == closed.row_count + border.saddles,
-        unbalanced=float(np.abs(gradient).max(initial=0.0)),
+        unbalanced=float((np.abs(gradient).max(axis=1) / lengths).max()),
         slope=float(np.vdot(gradient, turn)),
     )
 
@@ -238,8 +230,11 @@ def _border(rod: Rod, state: State, view: View, softness: tuple[float, float] | 
     touched = np.arange(hold_count, hold_count + touch_count)
     if softness is None:
         hard = hardness_of(rod)
+        bonded = np.flatnonzero(np.repeat(rod.held.normal[held].any(axis=1), 3))
+        compliance[bonded, bonded] = hard
         compliance[touched, touched] = hard
         residual[:hold_count] = view.miss[held].ravel()
+        residual[bonded] += hard * state.force[held].ravel()[bonded]
         residual[touched] = view.gap[rows] + hard * state.push[rows]
     else:
         compliance[np.arange(hold_count), np.arange(hold_count)] = softness[0]

@@ -74,6 +74,11 @@ class ShapeServer:
         except CablecosimError as error:
             self._channel.send(peer, Error(code="message", sentence=str(error), key=error.key))
             return
+        except (ArithmeticError, ValueError, IndexError) as error:
+            # A request that passed every check and still breaks the solver must not end the service for the others.
+            sentence = f"the solver failed on this request ({type(error).__name__}: {error}); please report it with the request"
+            self._channel.send(peer, Error(code="state", sentence=sentence))
+            return
         reply = ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=time.perf_counter() - begun)
         data = encode(reply)
         self._cached = (key, request, data)

@@ -240,7 +240,7 @@ def _shape(task: _Task, rod: Rod, found: Settled, sentence: str, error: float, t
         model="rod",
         effects=task.used,
         error=error if math.isfinite(error) else None,
-        residual=found.unbalanced / float(rod.mesh.lengths.min()),
+        residual=found.unbalanced,
         iterations=found.iterations,
         is_stable=found.is_stable,
         cost=Cost(

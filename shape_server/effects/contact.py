@@ -1,7 +1,7 @@
 """One-sided contact without friction (F_0): a body pushes the cable along its normal, or not at all.
 
 gap >= 0, force >= 0, gap * force = 0 for every row, the gap and its normal from `contact_geometry`. The force acts at the
-nearest point of the axis and is shared by the two nodes of its segment. A compliance of `SOFTNESS` weights of the cable
+nearest point of the axis and is shared by the two nodes of its segment. A compliance (`rod.SOFTNESS` per typical force)
 takes the place of perfect hardness: two rows at one point then share their force evenly, and the gap is below zero by
 1e-7 m for a force as large as the weight (or as 10 EI / L^2, which is added to it).
 """
@@ -15,9 +15,8 @@ import numpy as np
 from protocol.kinds import Feature
 from protocol.messages import Contacts
 
+from ..contact_geometry import contact_geometry
 from ..mesh import Mesh
-
-SOFTNESS = 1e-7  # m by which a contact gives way under the cable's whole weight
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,12 @@ class OneSided:
     extent: np.ndarray  # (m, 2) m, of the edge from `point`
     distance: np.ndarray  # (m,) m
     push: np.ndarray  # (m,) N, along the normal, to start from
+
+    def look(self, nodes: np.ndarray, axes: np.ndarray, lengths: np.ndarray, fraction: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Gaps and directions of all rows, see `contact_geometry`; `fraction` is updated in place."""
+        places = (self.element, fraction, self.feature, self.point, self.normal, self.direction, self.extent, self.distance)
+        seen: tuple[np.ndarray, ...] = contact_geometry(nodes, axes, lengths, *places)
+        return seen
 
 
 def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:

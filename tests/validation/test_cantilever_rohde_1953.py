@@ -60,7 +60,7 @@ def marched_tip(bending: float) -> tuple[float, float, float]:
 @each_stiffness
 def test_marching_and_collocation_find_the_same_tip(bending: float) -> None:
     x, z, slope, _ = reference(bending).state(np.array([1.0]))[:, 0]
-    assert (x, z, -slope) == pytest.approx(marched_tip(bending), abs=1e-8)  # TIP
+    assert (x, z, -slope) == pytest.approx(marched_tip(bending), abs=1e-10)  # measured 1.1e-12
 
 
 @each_stiffness
@@ -73,8 +73,8 @@ def test_a_hinge_where_the_tip_would_be_carries_nothing(bending: float) -> None:
     held = grasps((0.0, (0.0, 0.0, 0.0), LEVEL, Hold.CLAMP), (1.0, place, LEVEL, Hold.HINGE))
     shape = ask(cable(bending=bending), held, start=start)
     assert shape.outcome is Outcome.CONVERGED
-    assert np.abs(shape.grasp_wrenches[1]).max() < 1e-3  # of the weight; HINGE
-    assert np.linalg.norm(shape.nodes - exact.positions(s), axis=1).max() < 3e-5  # m; HINGE
+    assert np.abs(shape.grasp_wrenches[1]).max() < 1e-3  # of the weight; measured 9.1e-5 (EI = 0.1) to 7.4e-4 (EI = 1)
+    assert np.linalg.norm(shape.nodes - exact.positions(s), axis=1).max() < 3e-5  # m; measured 2.6e-7 to 1.4e-5
 
 
 @each_stiffness
@@ -85,9 +85,11 @@ def test_a_rod_held_at_one_end_hangs_as_the_reference(bending: float) -> None:
     assert shape.outcome is Outcome.CONVERGED, shape.sentence
     assert shape.is_stable
     error = np.linalg.norm(shape.nodes - exact.positions(shape.s), axis=1).max()
-    assert error < 1e-4  # m; what was asked for
+    assert error < 1e-4  # m; measured 2.7e-5 to 6.2e-5; what was asked for
     assert shape.error is not None
-    assert 0.7 < shape.error / error < 1.3
+    assert 0.9 < shape.error / error < 1.1  # measured 1.00 to 1.04
     assert shape.grasp_wrenches[0, :3] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)  # N
-    assert shape.grasp_wrenches[0, 4] == pytest.approx(bending * exact.state(np.array([0.0]))[3, 0], abs=2e-4)  # N m
-    assert unbalance(cable(bending=bending), shape, held) == pytest.approx((0.0, 0.0), abs=1e-8)
+    assert shape.grasp_wrenches[0, 4] == pytest.approx(
+        bending * exact.state(np.array([0.0]))[3, 0], abs=2e-5
+    )  # N m; measured 2.3e-6 to 1.03e-5
+    assert unbalance(cable(bending=bending), shape, held) == pytest.approx((0.0, 0.0), abs=1e-9)  # measured 1e-15 and 1.3e-10

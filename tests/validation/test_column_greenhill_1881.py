@@ -46,7 +46,7 @@ def test_the_bessel_function_and_the_power_series_agree() -> None:
     assert pytest.approx(7.8373, abs=5e-5) == CRITICAL
 
 
-@pytest.mark.parametrize("ratio", [0.5, 0.9, 0.98])
+@pytest.mark.parametrize("ratio", [0.5, 0.9, 0.98, 0.995])
 def test_a_column_below_the_critical_height_stands_straight(ratio: float) -> None:
     shape = ask(cable(bending=1 / (ratio * CRITICAL)), foot(), start=straight(100))
     assert shape.outcome is Outcome.CONVERGED, shape.sentence
@@ -62,7 +62,7 @@ def test_a_cold_start_finds_the_straight_column(ratio: float) -> None:
     assert shape.nodes[-1] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
 
 
-@pytest.mark.parametrize("ratio", [1.02, 1.1, 1.5])
+@pytest.mark.parametrize("ratio", [1.005, 1.02, 1.1, 1.5])
 def test_a_column_above_the_critical_height_is_never_reported_as_standing(ratio: float) -> None:
     """Straight up is an equilibrium still, but no longer a stable one."""
     shape = ask(cable(bending=1 / (ratio * CRITICAL)), foot(), start=straight(100))
@@ -86,5 +86,5 @@ def test_a_column_above_the_critical_height_leans_over_as_the_elastica(ratio: fl
     shape = ask(cable(bending=bending), foot(), tolerance=1e-4)
     assert shape.outcome is Outcome.CONVERGED, shape.sentence
     assert shape.is_stable
-    assert np.hypot(*shape.nodes[-1, :2]) == pytest.approx(abs(x), abs=5e-4)
-    assert shape.nodes[-1, 2] == pytest.approx(z, abs=5e-4)
+    assert np.hypot(*shape.nodes[-1, :2]) == pytest.approx(abs(x), abs=1e-4)  # m; measured 1.5e-5 to 3.5e-5
+    assert shape.nodes[-1, 2] == pytest.approx(z, abs=1e-4)  # m; measured 1.6e-5 to 7.9e-5

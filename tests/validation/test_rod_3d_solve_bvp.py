@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from heavy_elastica import Spatial, spatial
+from heavy_rod import Spatial, spatial
 from posed import ask, cable, frame, grasps, unbalance
 from scipy.spatial.transform import Rotation
 
