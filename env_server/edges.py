@@ -2,12 +2,13 @@
 
 A contact that slides along an edge comes to its end, where other edges go on at an angle. The line of the first edge leaves
 the surface there by the distance times the sine of the angle. It is followed as long as that is below `OVERSHOOT`, so
-that for a moment both edges hold the cable. At a vertex all edges that leave it are reported with it: alone, a point would
-let the cable roll off to where those edges would catch it.
+that for a moment both edges hold the cable. Beside a vertex, and near the end of an edge, all edges that leave it are
+reported too: alone, a point or a finite edge would let the cable slip off to where those edges would catch it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +18,9 @@ from .surface import Features
 
 OVERSHOOT: Final = 5e-6  # m that the line of an edge may stand out from the surface
 MARGIN_MOST: Final = 2e-3  # m
+CLOSE: Final = 1e-3  # m, gap below which the edges beyond are reported
+SHARP: Final = np.deg2rad(10.0)  # between faces, above which an edge is reported as one beyond; flatter ones their faces stand for
+SLIDE: Final = 25e-3  # m along an edge to its end, within which the edges beyond are reported
 NEIGHBOURS: Final = 6  # edges at one vertex that are compared
 
 
@@ -28,14 +32,29 @@ class EdgeTable:
     margins: np.ndarray  # (e, 2) m, how far the line is followed past the first and the last end
     first_edge: np.ndarray  # (b+1,) of every surface
     first_vertex: np.ndarray  # (b+1,) of every surface
+    vertex: np.ndarray  # (e, 2) int, vertex at the first and the last end
     leaving: np.ndarray  # (.,) int, edges by vertex
     first_leaving: np.ndarray  # (v+1,) row of every vertex in `leaving`
 
-    def at_vertex(self, body: int, vertex: int) -> np.ndarray:
-        """Edges of a surface that leave one of its vertices, numbered as its edges are."""
-        row = self.first_vertex[body] + vertex
-        edges: np.ndarray = self.leaving[self.first_leaving[row] : self.first_leaving[row + 1]] - self.first_edge[body]
-        return edges
+    def beyond(self, body: int, name: int, is_vertex: bool, point: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+        """Edges that a contact can slide on to, each with the vertex (3,) [m] where it begins.
+
+        Args:
+            body: Index of the surface.
+            name: The vertex or the edge that is touched, numbered as those of the surface.
+            is_vertex: Which of the two.
+            point: (3,) [m] Place of the contact, in the frame of the surface.
+        """
+        if is_vertex:
+            vertices, own = [self.first_vertex[body] + name], -1
+        else:
+            own = self.first_edge[body] + name
+            near = np.linalg.norm(self.ends[own] - point, axis=1) < SLIDE
+            vertices = self.vertex[own][near].tolist()
+        for vertex in vertices:
+            for edge in self.leaving[self.first_leaving[vertex] : self.first_leaving[vertex + 1]].tolist():
+                if edge != own:
+                    yield edge - int(self.first_edge[body]), self.ends[edge, 0 if self.vertex[edge, 0] == vertex else 1]
 
 
 def edge_table(features: Features) -> EdgeTable:
@@ -52,9 +71,22 @@ def edge_table(features: Features) -> EdgeTable:
     of_number[number[:vertices][::-1]] = np.arange(vertices)[::-1]
     vertex = of_number[number[vertices:]]
     order = np.argsort(vertex, kind="stable")
+    order = order[np.tile(_is_sharp(features), 2)[order]]
     first_leaving = np.searchsorted(vertex[order], np.arange(vertices + 1))
     margins = edge_margins(ends, vertex) if count else np.zeros((0, 2))
-    return EdgeTable(ends, margins, features.first_edge, features.first_vertex, order % max(count, 1), first_leaving)
+    firsts = (features.first_edge, features.first_vertex)
+    return EdgeTable(ends, margins, *firsts, vertex.reshape(2, count).T, order % max(count, 1), first_leaving)
+
+
+def _is_sharp(features: Features) -> np.ndarray:
+    """Edges (e,) whose faces meet at more than `SHARP`, or that have but one face."""
+    first, last = features.edge_first[:-1], features.edge_first[1:]
+    is_sharp: np.ndarray = last - first != 2
+    pairs = np.flatnonzero(~is_sharp)
+    planes = features.edge_planes[:, :3]
+    # Both vectors lie in their face and point into it, square to the edge: opposite where the faces are one plane.
+    is_sharp[pairs] = np.einsum("ij,ij->i", planes[first[pairs]], planes[first[pairs] + 1]) > -np.cos(SHARP)
+    return is_sharp
 
 
 def edge_margins(ends: np.ndarray, vertex: np.ndarray) -> np.ndarray:

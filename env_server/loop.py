@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from protocol.kinds import Outcome
@@ -117,7 +118,9 @@ class Loop:
     def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, tuple[Hanging, ...], int]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
         done = self._try(step, goal, before)
-        if before is None or depth == HALVINGS_MAX or (done.is_settled and not done.may_have_passed):
+        if before is None or depth == HALVINGS_MAX:
+            return goal, done.cables if done.is_settled else _unsettled(done.cables), done.rounds
+        if done.is_settled and not done.may_have_passed:
             return goal, done.cables, done.rounds
         middle = self._stage.between(0.5 * (before.posture.time + goal.time), before.posture.joints)
         posture, cables, rounds = self._go(step, middle, before, depth + 1)
@@ -274,6 +277,17 @@ def _joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
         **columns,
         body=np.concatenate([first.body, second.body[near] + body_count]),
         clearance=np.minimum(first.clearance, second.clearance),
+    )
+
+
+def _unsettled(cables: tuple[Hanging, ...]) -> tuple[Hanging, ...]:
+    """The cables of a step whose contacts never settled: no shape to go on from."""
+    sentence = f"its contacts do not settle within {ROUNDS_MAX} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
+    return tuple(
+        replace(cable, shape=msgspec.structs.replace(cable.shape, outcome=Outcome.NOT_CONVERGED, sentence=sentence))
+        if cable.shape.outcome is Outcome.CONVERGED
+        else cable
+        for cable in cables
     )
 
 

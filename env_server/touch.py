@@ -29,6 +29,7 @@ import numpy as np
 from protocol.errors import SceneError
 from protocol.kinds import Feature
 
+from . import edges
 from .distances import (
     PARALLEL,
     ROUNDING,
@@ -49,7 +50,7 @@ from .distances import (
     turned,
     turned_back,
 )
-from .edges import edge_table
+from .poses import turn_inside, turn_outside
 from .surface import Features, Surface, gather, height, hides, join
 
 BLOCK: Final = 8  # segments that share a bounding sphere
@@ -106,7 +107,7 @@ class Touch:
     def __init__(self, surfaces: Sequence[Surface]) -> None:
         self.body_count: Final = len(surfaces)
         self._features: Final = join(surfaces or [_tetrahedron()])
-        self._edges: Final = edge_table(self._features)
+        self._edges: Final = edges.edge_table(self._features)
 
     def search(
         self,
@@ -142,24 +143,32 @@ class Touch:
             if count <= capacity:
                 break
             capacity = 2 * count
-        hits = self._with_edges(hits[:count], poses)
+        hits = self._with_edges(hits[:count], poses, radius + edges.CLOSE)
         if previous is not None:
             _keep_normals(hits, previous)
         return _candidates(hits, clearance, radius, self._extents(hits, poses))
 
-    def _with_edges(self, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """The pairs, and for every one with a vertex, the same pair for all edges that leave it."""
-        more = []
-        for hit in hits[(hits["feature"] == VERTEX) & (hits["is_crossing"] == 0)]:
-            edges = self._edges.at_vertex(int(hit["body"]), int(hit["feature_id"]))
-            if len(edges):
-                ends = self._edges.ends[self._features.first_edge[hit["body"]] + edges]
-                copies = np.repeat(hit, len(edges))
-                copies["feature"], copies["feature_id"] = EDGE, edges
-                along = _rotated(np.tile(poses[hit["body"]], (len(edges), 1)), ends[:, 1] - ends[:, 0])
-                copies["direction"] = along / np.linalg.norm(along, axis=1, keepdims=True)
-                more.append(copies)
-        return np.concatenate([hits, *more]) if more else hits
+    def _with_edges(self, hits: np.ndarray, poses: np.ndarray, close: float) -> np.ndarray:
+        """The pairs, and for those nearly touching, a pair for every edge that a contact could slide on to.
+
+        Such an edge leaves the vertex that is touched, or an end of the edge that is touched within `edges.SLIDE` of the place.
+        """
+        more, known = [], {(hit["segment"], hit["body"], hit["feature_id"]) for hit in hits if hit["feature"] == EDGE}
+        for hit in hits[(hits["feature"] != FACE) & (hits["is_crossing"] == 0) & (hits["distance"] < close)]:
+            pose = poses[hit["body"]]
+            start = turn_inside(pose, hit["point"] - pose[:3])
+            for edge, vertex in self._edges.beyond(int(hit["body"]), int(hit["feature_id"]), hit["feature"] == VERTEX, start):
+                key = (hit["segment"], hit["body"], edge)
+                if key in known:
+                    continue
+                known.add(key)
+                copy = hit.copy()
+                low, high = self._edges.ends[self._features.first_edge[hit["body"]] + edge]
+                copy["feature"], copy["feature_id"] = EDGE, edge
+                copy["point"] = pose[:3] + turn_outside(pose, vertex)
+                copy["direction"] = turn_outside(pose, (high - low) / np.linalg.norm(high - low))
+                more.append(copy)
+        return np.concatenate([hits, np.array(more, dtype=PAIR)]) if more else hits
 
     def _extents(self, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """How far the edges of the pairs go on from their points (m, 2) [m]."""

@@ -17,7 +17,7 @@ from protocol.messages import Frame
 from .surface import Floats
 
 DIRECTIONS: Final = tuple(  # of sight, as angle from where the robot faces (+x) to its left, and downwards; best first
-    (np.radians(turn), np.radians(dip)) for dip in (38, 24, 55) for turn in (30, -30, 12, -12, 0, 55, -55, 80, -80)
+    (np.radians(turn), np.radians(dip)) for dip in (38, 24, 55) for turn in (55, 30, 80, -55, -30, -80, 12, -12, 0)
 )
 FIELD_OF_VIEW: Final = 0.50  # rad, vertical; a longer lens than a room camera's, so that near grippers do not loom
 MARGIN: Final = 0.12  # of the picture, left free on every side

@@ -84,7 +84,7 @@ def position_error(shape: Shape, exact: Planar) -> float:
 
 
 @each_hold
-@pytest.mark.parametrize("bending", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize("bending", [1e-1, 1e-2])
 def test_the_reference_obeys_castigliano(bending: float, hold: Hold) -> None:
     exact, step = reference(bending, hold), 1e-4
     lower, upper = (solved(bending, hold, END[0] + d, exact).energy() for d in (-step, step))
