@@ -27,7 +27,8 @@ from .stage import Posture, Stage
 from .touch import Candidates
 
 ROUNDS_MAX: Final = 12
-HALVINGS_MAX: Final = 7  # a step is cut into at most 2^7 parts
+ROUNDS_JUMP: Final = 60  # when a cable snaps to another posture, its contacts give way one after the other
+HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jumps then is a jump of the cable
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 
@@ -117,8 +118,9 @@ class Loop:
 
     def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, tuple[Hanging, ...], int]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
-        done = self._try(step, goal, before)
-        if before is None or depth == HALVINGS_MAX:
+        is_last = before is None or depth == HALVINGS_MAX
+        done = self._try(step, goal, before, may_jump=is_last)
+        if before is None or is_last:
             return goal, done.cables if done.is_settled else _unsettled(done.cables), done.rounds
         if done.is_settled and not done.may_have_passed:
             return goal, done.cables, done.rounds
@@ -130,13 +132,13 @@ class Loop:
         posture, cables, more = self._go(step, goal, half, depth + 1)
         return posture, cables, done.rounds + rounds + more
 
-    def _try(self, step: int, goal: Posture, before: Stepped | None) -> _Try:
-        """Rounds of the boundary conditions at one posture."""
+    def _try(self, step: int, goal: Posture, before: Stepped | None, *, may_jump: bool) -> _Try:
+        """Rounds of the boundary conditions at one posture; given up early if a body may have been passed, unless it may jump."""
         scene, done = self._stage.scene, _Try()
         grasps = [self._stage.grasps(cable.name, goal) for cable in scene.cables]
         cables = self._begin(goal, before, grasps)
         has_moved_robot = False
-        while done.rounds < ROUNDS_MAX:
+        while done.rounds < (ROUNDS_JUMP if may_jump else ROUNDS_MAX):
             done.rounds += 1
             contacts = [
                 cable.boundary.contacts(_joined(cable, self._stage.body_count, self._reach), cable.shape.s, goal.surfaces)
@@ -168,7 +170,7 @@ class Loop:
             cables = hanging
             done.cables = tuple(hanging)
             done.may_have_passed = before is not None and self._may_have_passed(before, goal, done.cables)
-            if done.is_settled or done.may_have_passed:
+            if done.is_settled or (done.may_have_passed and not may_jump):
                 break
         if done.is_settled:
             done.cables = tuple(replace(cable, boundary=cable.boundary.bonded(goal.surfaces)) for cable in done.cables)
@@ -282,7 +284,7 @@ def _joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
 
 def _unsettled(cables: tuple[Hanging, ...]) -> tuple[Hanging, ...]:
     """The cables of a step whose contacts never settled: no shape to go on from."""
-    sentence = f"its contacts do not settle within {ROUNDS_MAX} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
+    sentence = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
     return tuple(
         replace(cable, shape=msgspec.structs.replace(cable.shape, outcome=Outcome.NOT_CONVERGED, sentence=sentence))
         if cable.shape.outcome is Outcome.CONVERGED

@@ -9,7 +9,8 @@ sliding force F has a ripple -F kappa/2 (s (h - s) + const) within each segment 
 between the nodes. The distance is therefore measured from the segment less a bulge b(s), a cubic whose slopes at the ends are
 half the turn alpha of the axis at that node, towards the feature: b' = (-alpha_0 / 2, alpha_1 / 2), b = alpha h / 8 where the
 axis bends around the feature and 0 where it bends away. The turns count as given numbers when the gap is differentiated: a
-change of theirs moves it by h/8 of the change, which the next iteration takes up. The bulge cancels the ripple, the force turns smoothly from segment
+change of theirs moves it by h/8 of the change, which the next iteration takes up. The bulge cancels the ripple, the force
+turns smoothly from segment
 to segment, and the axis stays clear by at most kappa h^2 / 8 of what it touches, never too near.
 
 First derivative, with c the nearest point, t the tangent, n the normal and e the edge, m = e x n, mu = m.t (for a vertex
@@ -29,8 +30,8 @@ import numpy as np
 from numba import njit
 
 FACE, EDGE, VERTEX = 0, 1, 2
-PARALLEL = 0.05  # sine of the angle below which a segment counts as parallel to an edge
-BEYOND = 0.25  # of a segment, how far past its ends a row still holds
+PARALLEL = 0.02  # sine of the angle below which a segment counts as parallel to an edge
+BEYOND = 0.1  # of a segment, how far past its ends a row still holds
 FAR = 1.0  # m, gap of a row that another one has taken over from, on the next segment or edge
 
 
@@ -47,6 +48,17 @@ def _along(a, t, point, e, feature):  # type: ignore[no-untyped-def]
     if sine2 > PARALLEL * PARALLEL:
         return (te * we - wt) / sine2, True
     return 0.0, False
+
+
+@njit(cache=True)
+def _nearer_end(nodes, j, point, e):  # type: ignore[no-untyped-def]
+    """0 or 1: the end of a segment that is nearer to a line."""
+    sizes = np.zeros(2)
+    for end in range(2):
+        w0, w1, w2 = nodes[j + end, 0] - point[0], nodes[j + end, 1] - point[1], nodes[j + end, 2] - point[2]
+        we = w0 * e[0] + w1 * e[1] + w2 * e[2]
+        sizes[end] = w0 * w0 + w1 * w1 + w2 * w2 - we * we
+    return 0.0 if sizes[0] <= sizes[1] else 1.0
 
 
 @njit(cache=True)
@@ -98,7 +110,8 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         j, h, e = element[c], lengths[element[c]], direction[c]
         if feature[c] != FACE:
             place, is_free = _along(nodes[j], axes[j, 2], point[c], e, feature[c])
-            share = place / h if is_free else 0.5
+            # Beside a parallel edge every point is nearest; the rows of the segments hold one node each.
+            share = place / h if is_free else _nearer_end(nodes, j, point[c], e)
             if (j == 0 and share < 0.0) or (j == last and share > 1.0):
                 share, is_free = min(max(share, 0.0), 1.0), False
             fraction[c] = min(max(share, -BEYOND), 1.0 + BEYOND)

@@ -136,7 +136,8 @@ def look(rod: Rod, state: State) -> tuple[State, View]:
         return state, View(axes, nodes, at - held.goal, _NO_ROWS, rows, rows, rows, rows, np.zeros((0, 4)))
     fraction = state.fraction.copy()
     seen = touch.look(nodes, axes, rod.mesh.lengths, fraction)
-    moved = replace(state, fraction=fraction)
+    push, touches = touch.handed_over(seen[0], state.push, state.touches)
+    moved = replace(state, fraction=fraction, push=push, touches=touches)
     return moved, View(axes, nodes, at - held.goal, *seen)
 
 
@@ -155,6 +156,14 @@ def energy(rod: Rod, state: State, view: View) -> float:
     """Elastic energy less the work of the loads [J]; forces on the border are left out."""
     elastic: float = rod.path.elastic_energy(state.frames, rod.mesh.lengths, rod.law, rod.clamp_of_node, rod.clamp_frames)
     return elastic - float(np.vdot(rod.loads, view.nodes))
+
+
+def unbalanced(rod: Rod, state: State, view: View) -> float:
+    """Largest unbalanced couple of a segment over its length [N]."""
+    carried = rod.path.carried_forces(node_forces(rod, state, view), rod.base)
+    gradient = rod.path.assemble(state.frames, view.axes, rod.mesh.lengths, rod.law, rod.clamp_of_node, rod.clamp_frames, carried)[0]
+    _add_couples(gradient, _couples(rod, view), -state.push)
+    return float((np.abs(gradient).max(axis=1) / rod.mesh.lengths).max())
 
 
 def hardness_of(rod: Rod) -> float:

@@ -19,7 +19,7 @@ from .cold import curve_frames
 from .equilibrium import Progress, Settled, kick, relax, settle
 from .hanging import solve_hanging
 from .mesh import Mesh, even, from_nodes, halved
-from .rod import Held, Rod, State, start_state
+from .rod import Held, Rod, State, start_state, unbalanced
 
 LEVELS: Final = (25, 50, 100, 200, 400, 800)
 """Segments tried on a cold start, until the error estimate is within the tolerance."""
@@ -142,7 +142,6 @@ def _warm(task: _Task, begun: float) -> Shape:
 def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
     """Solve from the grasps alone, on finer and finer meshes, or on the mesh given and one coarser."""
     problem = task.problem
-    gravity = np.asarray(task.gravity)
     meshes = [even(problem.cable.length, problem.grasps.s, count) for count in LEVELS] if mesh is None else [halved(mesh), mesh]
     rod: Rod | None = None
     found: Settled | None = None
@@ -151,13 +150,9 @@ def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0
     for level, finer in enumerate(meshes):
         next_rod = make_rod(problem, task.gravity, task.used, finer, task.path)
         if rod is None or found is None:
-            begin = start_state(next_rod, task.path.retract(curve_frames(finer, problem.grasps, gravity), kick(next_rod)))
-            after = relax(next_rod, replace(begin, force=np.zeros_like(begin.force)), task.progress)
+            after = _from_grasps(task, next_rod)
         else:
-            begin = _transfer(next_rod, rod, found.state)
-            after = settle(next_rod, begin, task.progress)
-            if not (after.is_converged and after.is_stable):
-                after = relax(next_rod, begin, task.progress)
+            after = _either(next_rod, _transfer(next_rod, rod, found.state), task.progress)
         spent += after.iterations
         if not (after.is_converged and after.is_stable):
             outcome = Outcome.UNSTABLE if after.is_converged else Outcome.NOT_CONVERGED
@@ -165,7 +160,8 @@ def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0
         error = _estimate(rod, found, next_rod, after) if rod is not None and found is not None else math.inf
         rod, found = next_rod, after
         solved = time.perf_counter()
-        if error <= task.tolerance and (mesh is None or level == len(meshes) - 1):
+        is_fine = error <= task.tolerance and 1.5 * float(rod.mesh.lengths.max()) <= _layer(rod, found)
+        if is_fine and (mesh is None or level == len(meshes) - 1):
             break
     assert rod is not None
     assert found is not None
@@ -175,6 +171,34 @@ def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0
             f"cold start; the error estimate of {error:.2g} m is above the tolerance of {task.tolerance:.2g} m on {len(rod.mesh.s)} nodes"
         )
     return _shape(task, rod, replace(found, iterations=spent), sentence, error, (begun, solved))
+
+
+def _from_grasps(task: _Task, rod: Rod) -> Settled:
+    """The first shape, from nothing but the grasps: without contacts at first, so that these find the cable in one piece."""
+    frames = task.path.retract(curve_frames(rod.mesh, task.problem.grasps, np.asarray(task.gravity)), kick(rod))
+    begin = start_state(rod, frames)
+    begin = replace(begin, force=np.zeros_like(begin.force), push=np.zeros_like(begin.push), touches=np.zeros_like(begin.touches))
+    if rod.touch is None:
+        return relax(rod, begin, task.progress)
+    free = replace(rod, touch=None)
+    hanging = relax(free, replace(begin, push=np.zeros(0), touches=np.zeros(0, dtype=bool), fraction=np.zeros(0)), task.progress)
+    after = _either(rod, replace(begin, frames=hanging.state.frames, force=hanging.state.force, holds=hanging.state.holds), task.progress)
+    return replace(after, iterations=after.iterations + hanging.iterations)
+
+
+def _either(rod: Rod, begin: State, progress: Progress) -> Settled:
+    """Settle from a state nearby; relax from it where that finds no stable equilibrium."""
+    after = settle(rod, begin, progress)
+    if after.is_converged and after.is_stable:
+        return after
+    relaxed = relax(rod, begin, progress)
+    return replace(relaxed, iterations=relaxed.iterations + after.iterations)
+
+
+def _layer(rod: Rod, found: Settled) -> float:
+    """Length sqrt(EI / T) [m] over which a clamp or a contact bends the cable; segments must be shorter to see it."""
+    largest = float(np.abs(reading.tension(rod, found.state, found.view)).max())
+    return math.sqrt(float(rod.law[0]) / max(largest, 1e-300))
 
 
 def _transfer(finer: Rod, coarser: Rod, state: State) -> State:
@@ -240,7 +264,7 @@ def _shape(task: _Task, rod: Rod, found: Settled, sentence: str, error: float, t
         model="rod",
         effects=task.used,
         error=error if math.isfinite(error) else None,
-        residual=found.unbalanced,
+        residual=unbalanced(rod, state, view),
         iterations=found.iterations,
         is_stable=found.is_stable,
         cost=Cost(

@@ -15,7 +15,7 @@ import numpy as np
 from protocol.kinds import Feature
 from protocol.messages import Contacts
 
-from ..contact_geometry import contact_geometry
+from ..contact_geometry import FAR, contact_geometry
 from ..mesh import Mesh
 
 
@@ -39,6 +39,21 @@ class OneSided:
         places = (self.element, fraction, self.feature, self.point, self.normal, self.direction, self.extent, self.distance)
         seen: tuple[np.ndarray, ...] = contact_geometry(nodes, axes, lengths, *places)
         return seen
+
+    def handed_over(self, gap: np.ndarray, push: np.ndarray, touches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces (m,) and touches (m,) after rows that another one has taken over from gave it what they carried."""
+        gone = np.flatnonzero((gap == FAR) & (push > 0.0))
+        if not len(gone):
+            return push, touches
+        push, touches = push.copy(), touches.copy()
+        for row in gone:
+            heirs = np.flatnonzero((self.index == self.index[row]) & (gap < FAR))
+            if len(heirs):
+                heir = heirs[np.argmin(np.abs(gap[heirs]))]
+                push[heir] += push[row]
+                touches[heir] = True
+            push[row], touches[row] = 0.0, False
+        return push, touches
 
 
 def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:

@@ -147,7 +147,8 @@ def places(s: np.ndarray, frames: np.ndarray, node: int, origin: np.ndarray) -> 
 def unbalanced_moment(problem: Problem, shape: Shape, gravity: Vector) -> float:
     """Largest slope [N m] of energy less work with the turn of any segment, by differences; zero at an equilibrium.
 
-    All forces are those of the shape: weight, grasp forces and contact forces at their arc lengths.
+    All forces are those of the shape: weight, grasp forces and contact forces at their arc lengths. Of a fine mesh, forty
+    segments are looked at.
     """
     s, lengths = shape.s, np.diff(shape.s)
     node = int(np.argmin(np.abs(s - problem.grasps.s[0])))
@@ -165,7 +166,8 @@ def unbalanced_moment(problem: Problem, shape: Shape, gravity: Vector) -> float:
         return bending_and_twist_energy(problem, s, frames) - float(np.vdot(loads, places(s, frames, node, problem.grasps.position[0])))
 
     worst, step = 0.0, 1e-5
-    for j in range(len(lengths)):
+    some = np.unique(np.linspace(0, len(lengths) - 1, 40).astype(int))
+    for j in some:
         for k in range(3):
             sides = []
             for sign in (1.0, -1.0):

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -180,6 +181,7 @@ def test_a_stop_is_confirmed_and_ends_the_loop(address: str) -> None:
     client = Client(address, "test")
     assert reply_to(client, Stop()) == Done()
     client.close()
+    time.sleep(0.5)  # until the loop has ended; the fixture then has nothing to stop
 
 
 def run(*arguments: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:

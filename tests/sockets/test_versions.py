@@ -14,7 +14,10 @@ from protocol.messages import Error, Hello, Welcome
     ("hello", "sentence"),
     [
         (Hello(version=999, role="env_server"), "the peer 'env_server' speaks version 999 of 'cablecosim', this program version 1"),
-        (Hello(version=1, role="a viewer", project="protocol"), "the peer 'a viewer' speaks version 1 of 'protocol', this program version 1"),
+        (
+            Hello(version=1, role="a viewer", project="protocol"),
+            "the peer 'a viewer' speaks version 1 of 'protocol', this program version 1",
+        ),
     ],
 )
 def test_another_version_or_project_is_refused_and_the_right_one_still_served(

@@ -1,0 +1,149 @@
+"""A program that is killed, stopped or never started: the others end by themselves with a sentence, or carry on."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from pathlib import Path
+
+from programs import LIMIT, STEPS, Box, Program, Remote, recorded, remote, without_measured
+
+from protocol import recording
+from protocol.channel import Subscriber
+from protocol.codec import decode
+from protocol.messages import Done, Finished, Frame, Pause, Resume, StartRun, Stop
+
+IMPATIENT = (
+    "import functools, sys\n"
+    "import env_server.server as server\n"
+    "server.SHAPE_SERVER_LIMIT = 2.0\n"
+    "server.Asker = functools.partial(server.Asker, silence=0.5, patience=2.0)\n"
+    "from env_server.__main__ import main\n"
+    "sys.exit(main())\n"
+)
+"""The environment with its time-outs of a minute cut to two seconds."""
+
+
+def started(box: Box, shape: str, control: Remote, out: Path) -> Program:
+    """A recorder and a run that has begun; the recorder."""
+    viz = box.viz_client(out)
+    control.wait_for("ready")
+    control.tell(StartRun(recorders=1))
+    return viz
+
+
+def stopped_at(control: Remote, step: int) -> int:
+    """Hold the run after some step; the step."""
+    while control.state().step < step:
+        time.sleep(0.005)
+    assert isinstance(control.tell(Pause()), Done)
+    return control.wait_for("paused").step
+
+
+def test_a_shape_server_that_is_killed_and_started_again_costs_time_and_nothing_else(box: Box, tmp_path: Path) -> None:
+    first, env = box.shape_server(), box.env_server()
+    with remote(box) as control:
+        viz = started(box, box.at("shape"), control, tmp_path / "disturbed")
+        assert stopped_at(control, 3) < STEPS
+        first.say(signal.SIGKILL)
+        first.wait()
+        control.tell(Resume())
+        time.sleep(0.5)
+        assert control.state().state == "running"
+        box.shape_server()
+        assert viz.wait() == 0
+    assert env.wait() == 0
+    env = box.env_server()
+    with remote(box) as control:
+        assert started(box, box.at("shape"), control, tmp_path / "undisturbed").wait() == 0
+    assert env.wait() == 0
+    assert recorded(tmp_path / "disturbed") == recorded(tmp_path / "undisturbed")
+
+
+def test_a_shape_server_that_is_killed_for_good_ends_the_run_with_a_sentence(box: Box, tmp_path: Path) -> None:
+    shape, env = box.shape_server(), box.env_server(command=("-c", IMPATIENT))
+    with remote(box) as control:
+        viz = started(box, box.at("shape"), control, tmp_path)
+        stopped_at(control, 3)
+        shape.say(signal.SIGKILL)
+        control.tell(Resume())
+        state = control.wait_for("failed")
+        assert f"the shape server at {box.at('shape')} has been silent for 2 s" in state.sentence
+        assert viz.wait() == 0
+    env.wait()
+    messages = recorded(tmp_path)
+    assert messages[-1] == {
+        "type": "Finished",
+        "session": messages[0]["session"],
+        "frames": len(messages) - 2,
+        "failed": True,
+        "sentence": state.sentence,
+    }
+
+
+def test_a_shape_server_that_never_comes_ends_the_environment_with_a_sentence_and_code_2(box: Box) -> None:
+    env = box.env_server(command=("-c", IMPATIENT))
+    assert env.wait() == 2
+    assert f"env_server: nobody answered at {box.at('shape')} within 2 s; is the program started?" in env.words
+    assert "Traceback" not in env.words
+
+
+def test_an_environment_that_is_killed_leaves_the_recorder_to_end_by_itself(box: Box, shape: str, tmp_path: Path) -> None:
+    env = box.env_server(shape)
+    with remote(box) as control:
+        viz = started(box, shape, control, tmp_path)
+        step = stopped_at(control, 3)
+        env.say(signal.SIGKILL)
+        env.wait()
+    assert viz.wait() == 1
+    assert "the environment was silent for 5 s and did not answer within 5 s" in viz.words
+    run = recording.read(tmp_path / recording.FILE_NAME)
+    assert not run.complete
+    assert [frame.sequence for frame in run.frames] == list(range(step + 1))
+
+
+def test_a_run_that_is_stopped_ends_in_good_order_and_says_where(box: Box, shape: str, tmp_path: Path) -> None:
+    env = box.env_server(shape)
+    with remote(box) as control:
+        viz = started(box, shape, control, tmp_path)
+        step = stopped_at(control, 3)
+        assert isinstance(control.tell(Stop()), Done)
+        assert viz.wait() == 0
+        assert env.wait() == 0
+    run = recording.read(tmp_path / recording.FILE_NAME)
+    assert [frame.sequence for frame in run.frames] == list(range(step + 1))
+    assert run.finished is not None
+    assert run.finished.failed
+    assert run.finished.sentence == f"stopped before step {step + 1} of {STEPS}"
+
+
+def test_a_recorder_that_is_killed_holds_nothing_up(box: Box, shape: str, tmp_path: Path) -> None:
+    env = box.env_server(shape)
+    other = Subscriber(box.at("frames"))
+    with remote(box) as control:
+        viz = box.viz_client(tmp_path)
+        control.wait_for("ready")
+        control.tell(StartRun(recorders=2))
+        step = stopped_at(control, 3)
+        viz.say(signal.SIGKILL)
+        viz.wait()
+        control.tell(Resume())
+        messages = []
+        while not messages or not isinstance(messages[-1], Finished):
+            messages.append(decode(other.receive(LIMIT) or b""))
+    other.close()
+    assert env.wait() == 0
+    assert [frame.sequence for frame in messages[:-1] if isinstance(frame, Frame)] == list(range(STEPS + 1))
+    assert len(recording.read(tmp_path / recording.FILE_NAME).frames) <= step + 1
+
+
+def test_a_terminated_environment_ends_its_run_in_good_order(box: Box, shape: str, tmp_path: Path) -> None:
+    env = box.env_server(shape)
+    with remote(box) as control:
+        viz = started(box, shape, control, tmp_path)
+        stopped_at(control, 3)
+        env.say(signal.SIGTERM)
+        assert env.wait() == 0
+        assert viz.wait() == 0
+    assert recorded(tmp_path)[-1]["sentence"].startswith("stopped before step")
