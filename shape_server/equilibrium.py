@@ -23,6 +23,7 @@ TURN_DONE: Final = 2e-4  # rad; a Newton step this long leaves an error of about
 TURN_MAX: Final = 0.6  # rad, of any segment in one step
 WARM_STEPS: Final = 15
 RELAX_STEPS: Final = 400
+NEAR: Final = 0.05  # rad, below which one Newton step leaves an error of a few thousandths
 KICK: Final = 0.05  # rad
 NEUTRAL: Final = 1e-4  # of EI over length squared; a stiffness below this is neutral, not unstable
 GIVE_MAX: Final = 1e-6  # of the length, that a contact may give way
@@ -62,6 +63,15 @@ def settle(rod: Rod, state: State, progress: Progress) -> Settled:
             return Settled(state, view, True, step.is_stable, iteration, step.unbalanced, why)
     assert step is not None
     return Settled(state, view, False, step.is_stable, WARM_STEPS, step.unbalanced, f"no convergence within {WARM_STEPS} steps")
+
+
+def step_once(rod: Rod, state: State) -> Settled:
+    """One Newton step from a state so near that its error is negligible: for comparing meshes."""
+    state, view = look(rod, state)
+    step = newton_step(rod, state, view)
+    state, view, _ = _advance(rod, state, step, 1.0)
+    is_near = float(np.abs(step.turn).max()) < NEAR
+    return Settled(state, view, is_near, step.is_stable, 1, step.unbalanced, "" if is_near else "the step was not small")
 
 
 def relax(rod: Rod, state: State, progress: Progress) -> Settled:
@@ -184,7 +194,8 @@ def _worst_miss(rod: Rod, state: State, view: View) -> float:
     """
     if -view.gap.min(initial=0.0) > GIVE_MAX * rod.length:
         return np.inf
-    held = float(np.abs(view.miss[state.holds]).max(initial=0.0))
+    gives = rod.held.normal.any(axis=1)[:, None] * hardness_of(rod)
+    held = float(np.abs((view.miss + gives * state.force)[state.holds]).max(initial=0.0))
     balance = view.gap + hardness_of(rod) * state.push
     wrong = np.where(state.touches, np.abs(balance), np.maximum(-balance, 0.0))
     return max(held, CONTACT_EASE * float(wrong.max(initial=0.0)))

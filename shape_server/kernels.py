@@ -20,6 +20,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .closing import close as close
+from .contact_geometry import contact_geometry as contact_geometry
+
 
 @njit(cache=True)
 def _relative(qa, qb, rho):  # type: ignore[no-untyped-def]

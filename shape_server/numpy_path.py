@@ -9,7 +9,14 @@ import numpy as np
 from scipy.linalg import eigvals_banded, solve_banded
 from scipy.linalg.lapack import dpbtrf
 
+from . import closing
+from . import contact_geometry as geometry
+from .interpreted import interpreted
+
 Array = np.ndarray
+
+contact_geometry = interpreted(geometry.contact_geometry)
+close = interpreted(closing.close)
 
 
 def directors(frames: Array) -> Array:

@@ -135,7 +135,7 @@ def look(rod: Rod, state: State) -> tuple[State, View]:
         rows = _NO_ROWS.reshape(0, 3)
         return state, View(axes, nodes, at - held.goal, _NO_ROWS, rows, rows, rows, rows, np.zeros((0, 4)))
     fraction = state.fraction.copy()
-    seen = touch.look(nodes, axes, rod.mesh.lengths, fraction)
+    seen = rod.path.contact_geometry(nodes, axes, rod.mesh.lengths, *touch.places(fraction))
     push, touches = touch.handed_over(seen[0], state.push, state.touches)
     moved = replace(state, fraction=fraction, push=push, touches=touches)
     return moved, View(axes, nodes, at - held.goal, *seen)
@@ -204,21 +204,27 @@ def newton_step(rod: Rod, state: State, view: View, *, softness: tuple[float, fl
     size = 3 * len(lengths)
     flat, answers = matrix.reshape(size, border.count), solved.reshape(size, border.count + 1)
     schur = flat.T @ answers
-    closed = border.close(schur[:, :-1] + border.compliance, schur[:, -1] - border.residual, state.push)
-    turn = (answers[:, :-1] @ closed.change - answers[:, -1]).reshape(-1, 3)
-    force, push = state.force.copy(), state.push.copy()
-    held, rows = int(state.holds.sum()), border.contacts
-    force[state.holds] += closed.change[: 3 * held].reshape(-1, 3)
-    push[rows] += closed.change[3 * held : 3 * held + len(rows)]
-    touches = state.touches.copy()
-    touches[rows] = closed.is_closed
+    rows = border.contacts
+    change, closed, positive = rod.path.close(
+        schur[:, :-1] + border.compliance,
+        schur[:, -1] - border.residual,
+        border.first_contact,
+        len(rows),
+        state.push[rows],
+        border.is_exact,
+    )
+    turn = (answers[:, :-1] @ change - answers[:, -1]).reshape(-1, 3)
+    force, push, touches = state.force.copy(), state.push.copy(), state.touches.copy()
+    force[state.holds] += change[: border.first_contact].reshape(-1, 3)
+    push[rows] += change[border.first_contact : border.first_contact + len(rows)]
+    touches[rows] = closed
     push[~touches] = 0.0
     return Step(
         turn=turn,
         force=force,
         push=push,
         touches=touches,
-        is_stable=negative + closed.positive == closed.row_count + border.saddles,
+        is_stable=negative + positive == border.first_contact + int(closed.sum()) + border.saddles,
         unbalanced=float((np.abs(gradient).max(axis=1) / lengths).max()),
         slope=float(np.vdot(gradient, turn)),
     )

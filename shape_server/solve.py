@@ -16,7 +16,7 @@ from protocol.scene import Vector
 
 from . import effects, numpy_path, reading
 from .cold import curve_frames
-from .equilibrium import Progress, Settled, kick, relax, settle
+from .equilibrium import Progress, Settled, kick, relax, settle, step_once
 from .hanging import solve_hanging
 from .mesh import Mesh, even, from_nodes, halved
 from .rod import Held, Rod, State, start_state, unbalanced
@@ -135,7 +135,7 @@ def _warm(task: _Task, begun: float) -> Shape:
         return _cold(task, begun, mesh=mesh, spent=found.iterations)
     solved = time.perf_counter()
     coarse_rod = make_rod(task.problem, task.gravity, task.used, halved(mesh), task.path)
-    coarse = settle(coarse_rod, _transfer(coarse_rod, rod, found.state), task.progress)
+    coarse = step_once(coarse_rod, _transfer(coarse_rod, rod, found.state))
     return _shape(task, rod, found, sentence, _estimate(coarse_rod, coarse, rod, found), (begun, solved))
 
 

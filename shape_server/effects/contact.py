@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.kinds import Feature
 from protocol.messages import Contacts
 
-from ..contact_geometry import FAR, contact_geometry
+from ..contact_geometry import EDGE, FACE, FAR
 from ..mesh import Mesh
 
 
@@ -34,11 +33,9 @@ class OneSided:
     distance: np.ndarray  # (m,) m
     push: np.ndarray  # (m,) N, along the normal, to start from
 
-    def look(self, nodes: np.ndarray, axes: np.ndarray, lengths: np.ndarray, fraction: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Gaps and directions of all rows, see `contact_geometry`; `fraction` is updated in place."""
-        places = (self.element, fraction, self.feature, self.point, self.normal, self.direction, self.extent, self.distance)
-        seen: tuple[np.ndarray, ...] = contact_geometry(nodes, axes, lengths, *places)
-        return seen
+    def places(self, fraction: np.ndarray) -> tuple[np.ndarray, ...]:
+        """What `contact_geometry` wants to know of the rows; it updates `fraction` in place."""
+        return (self.element, fraction, self.feature, self.point, self.normal, self.direction, self.extent, self.distance)
 
     def handed_over(self, gap: np.ndarray, push: np.ndarray, touches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces (m,) and touches (m,) after rows that another one has taken over from gave it what they carried."""
@@ -60,20 +57,23 @@ def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
     """Rows for the contacts whose indices are `chosen` (m,).
 
     An edge or a vertex gets a row on the segment where it was found and on both neighbours, unless another contact with the
-    same feature is nearer there. The contact then passes from segment to segment without a jump: over a convex bend both
-    segments beside a node touch the edge for a while.
+    same feature is nearer there. The contact then passes from segment to segment without a jump.
     """
     element, fraction = mesh.locate(contacts.s[chosen])
     push = np.maximum(np.einsum("ij,ij->i", contacts.force[chosen], contacts.normal[chosen]), 0.0)
+    is_face = contacts.feature[chosen] == FACE
     extent = contacts.extent[chosen].copy()
-    source = [(k, int(j)) for k, j in enumerate(element) if contacts.feature[chosen[k]] == Feature.FACE]
-    for group in _by_feature(contacts, [k for k in range(len(chosen)) if contacts.feature[chosen[k]] != Feature.FACE], chosen):
-        taken = {int(element[k]): k for k in reversed(group)}
-        near = {j + step for j in taken for step in (-1, 1) if 0 <= j + step < len(mesh.lengths)} - taken.keys()
-        middle = 0.5 * (mesh.s[:-1] + mesh.s[1:])
-        taken |= {j: min(group, key=lambda k: abs(contacts.s[chosen[k]] - middle[j])) for j in near}
+    found = element.tolist()
+    source = [(k, found[k]) for k in np.flatnonzero(is_face).tolist()]
+    last = len(mesh.lengths) - 1
+    for group in _by_feature(contacts, chosen[~is_face].tolist(), push[~is_face].tolist()):
+        own = [int(np.searchsorted(chosen, index)) for index in group]
+        taken = {found[k]: k for k in reversed(own)}
+        for j in {j + step for j in taken for step in (-1, 1)} - taken.keys():
+            if 0 <= j <= last:
+                taken[j] = min(own, key=lambda k: abs(found[k] - j))
         source += [(k, j) for j, k in taken.items()]
-        _join_extents(contacts, group, chosen, extent)
+        _join_extents(contacts, group, own, extent)
     source.sort(key=lambda item: (item[1], item[0]))
     of = np.array([k for k, _ in source], dtype=np.int64)
     segment = np.array([j for _, j in source], dtype=np.int64)
@@ -93,39 +93,45 @@ def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
     )
 
 
-def _by_feature(contacts: Contacts, rows: list[int], chosen: np.ndarray) -> list[list[int]]:
-    """The rows of edges and vertices, grouped by the line or point that they touch, the strongest first in each group."""
-    groups: list[list[int]] = []
-    for k in sorted(rows, key=lambda k: -float(np.abs(contacts.force[chosen[k]]).max())):
-        for group in groups:
-            if _is_same_feature(contacts, int(chosen[k]), int(chosen[group[0]])):
-                group.append(k)
+def _by_feature(contacts: Contacts, rows: list[int], push: list[float]) -> list[list[int]]:
+    """Contacts with edges and vertices, grouped by the line or point that they touch, the strongest first in each group."""
+    groups: list[tuple[tuple[float, ...], list[int]]] = []
+    for _, row in sorted(zip(push, rows, strict=True), key=lambda item: (-item[0], item[1])):
+        feature = (
+            float(contacts.feature[row]),
+            float(contacts.body[row]),
+            *contacts.point[row].tolist(),
+            *contacts.direction[row].tolist(),
+        )
+        near = 1e-9 + 1e-6 * float(contacts.distance[row])
+        for known, group in groups:
+            if _is_same_feature(feature, known, near):
+                group.append(row)
                 break
         else:
-            groups.append([k])
-    return groups
+            groups.append((feature, [row]))
+    return [group for _, group in groups]
 
 
-def _join_extents(contacts: Contacts, group: list[int], chosen: np.ndarray, extent: np.ndarray) -> None:
+def _is_same_feature(one: tuple[float, ...], other: tuple[float, ...], near: float) -> bool:
+    """Whether two features (kind, body, point, direction) are one point, or lie on one line, to within `near` [m]."""
+    if one[:2] != other[:2]:
+        return False
+    x, y, z, u, v, w = one[2:]
+    dx, dy, dz = x - other[2], y - other[3], z - other[4]
+    if one[0] == EDGE and abs(abs(u * other[5] + v * other[6] + w * other[7]) - 1.0) > 1e-9:
+        return False
+    along = dx * u + dy * v + dz * w
+    return max(abs(dx - along * u), abs(dy - along * v), abs(dz - along * w)) < near
+
+
+def _join_extents(contacts: Contacts, group: list[int], own: list[int], extent: np.ndarray) -> None:
     """Let edges on one line count as one edge from the first end to the last."""
-    if len(group) == 1 or contacts.feature[chosen[group[0]]] != Feature.EDGE:
+    if len(group) == 1 or contacts.feature[group[0]] != EDGE:
         return
-    first = chosen[group[0]]
-    along = contacts.direction[first]
-    place = np.array([(contacts.point[chosen[k]] - contacts.point[first]) @ along for k in group])
-    sign = np.array([np.sign(contacts.direction[chosen[k]] @ along) for k in group])
-    ends = np.sort(extent[group] * sign[:, None], axis=1) + place[:, None]
-    for k, at, turned in zip(group, place, sign, strict=True):
-        extent[k] = np.sort(turned * (np.array([ends[:, 0].min(), ends[:, 1].max()]) - at))
-
-
-def _is_same_feature(contacts: Contacts, one: int, other: int) -> bool:
-    if contacts.feature[one] != contacts.feature[other] or contacts.body[one] != contacts.body[other]:
-        return False
-    direction = contacts.direction[one]
-    offset = contacts.point[one] - contacts.point[other]
-    near = 1e-9 + 1e-6 * float(contacts.distance[one])
-    if contacts.feature[one] == Feature.EDGE and abs(abs(direction @ contacts.direction[other]) - 1.0) > 1e-9:
-        return False
-    away = offset - (offset @ direction) * direction
-    return bool(np.abs(away).max() < near)
+    along = contacts.direction[group[0]]
+    place = (contacts.point[group] - contacts.point[group[0]]) @ along
+    sign = np.sign(contacts.direction[group] @ along)
+    ends = np.sort(extent[own] * sign[:, None], axis=1) + place[:, None]
+    low, high = ends[:, 0].min(), ends[:, 1].max()
+    extent[own] = np.sort(sign[:, None] * (np.array([low, high]) - place[:, None]), axis=1)

@@ -22,7 +22,10 @@ from asking import Place
         ),
         (("harness_assembly", "--set", "gravity=0"), "--set gravity: 0 is not a list; give 3 numbers in m/s^2"),
         (("harness_assembly", "--set", "cable.length=nan"), "--set cables[0].length: nan m must be finite"),
-        (("harness_assembly", "--resolve", "no/scene.json"), "no/scene.json: cannot be written (No such file or directory); give another path"),
+        (
+            ("harness_assembly", "--resolve", "no/scene.json"),
+            "no/scene.json: cannot be written (No such file or directory); give another path",
+        ),
     ],
 )
 def test_a_wrong_check_gets_one_sentence(arguments: tuple[str, ...], sentence: str, here: Place) -> None:

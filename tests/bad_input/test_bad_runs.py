@@ -79,7 +79,10 @@ def test_a_path_that_would_tear_the_cable_is_refused_before_the_run(here: Place)
             ("moves.0.targets.0.by=[0, 0, 0.78]",),
             ("grippers[0]: arm 'left' cannot bring 'left' to", "in move 'left arm down'", "move the target closer"),
         ),
-        (("moves.3.targets.0.clip=dashboard.clip_66",), ("moves[3].targets[0].clip: 'dashboard.clip_66' unknown; there are 'dashboard.clip_1'",)),
+        (
+            ("moves.3.targets.0.clip=dashboard.clip_66",),
+            ("moves[3].targets[0].clip: 'dashboard.clip_66' unknown; there are 'dashboard.clip_1'",),
+        ),
         (("grippers.left.arm=middle",), ("grippers[0].arm: 'middle' unknown; the robot has 'left', 'right'",)),
         (("grippers.left.arm=right",), ("grippers[1].arm: 'right' carries 'left' already; give each gripper an arm of its own",)),
     ],

@@ -26,7 +26,7 @@ def test_the_curve_has_the_right_length_and_nearly_reaches_the_other_end(seed: i
         np.testing.assert_allclose(np.linalg.norm(frames, axis=1), 1.0, atol=1e-12)
         end = (mesh.lengths[:, None] * directions(frames)).sum(axis=0)
         misses.append(float(np.linalg.norm(end - problem.grasps.position[1])))
-    assert max(misses) < 0.05  # measured 0.012 m
+    assert max(misses) < 0.05  # measured 0.009 m
 
 
 def test_the_curve_leaves_and_arrives_along_the_clamps() -> None:
@@ -34,7 +34,7 @@ def test_the_curve_leaves_and_arrives_along_the_clamps() -> None:
         mesh = even(1.0, problem.grasps.s, 100)
         tangents = directions(curve_frames(mesh, problem.grasps, np.asarray(GRAVITY)))
         clamped = directions(problem.grasps.quaternion)
-        assert tangents[0] @ clamped[0] > 0.9  # measured 0.97
+        assert tangents[0] @ clamped[0] > 0.9  # measured 0.994
         assert tangents[-1] @ clamped[1] > 0.9
 
 
@@ -53,7 +53,7 @@ def test_frames_without_twist_turn_about_no_tangent() -> None:
     frames = frames_along(tangents, Rotation.from_quat(frame(tangents[0])), 0)
     np.testing.assert_allclose(directions(frames), tangents, atol=1e-12)
     steps = (Rotation.from_quat(frames[:-1]).inv() * Rotation.from_quat(frames[1:])).as_rotvec()
-    assert np.abs(steps[:, 2]).max() < 1e-4  # measured 1e-6
+    assert np.abs(steps[:, 2]).max() < 1e-4  # measured 3e-16
 
 
 def test_a_tangent_that_turns_straight_back_still_gives_frames() -> None:

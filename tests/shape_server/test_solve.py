@@ -62,7 +62,7 @@ def test_a_step_of_three_millimetres_takes_one_or_two_iterations(bending: float)
             counts.append(after.iterations)
             assert after.sentence == "settled from the start shape"
     assert np.median(counts) <= 2
-    assert np.mean(np.array(counts) <= 3) >= 0.9  # measured: 1 or 2 in 19 of 20, 3 near a fold
+    assert np.mean(np.array(counts) <= 3) >= 0.9  # measured: 2 in 57 of 60, 3 in the rest
 
 
 def test_a_cable_that_starts_as_it_hangs_stays_there() -> None:
@@ -91,7 +91,7 @@ def test_numpy_and_compiled_kernels_give_the_same_shape(bending: float) -> None:
     for problem in random_spans(5, bending, 7):
         shapes = [solve(problem, GRAVITY, path=path) for path in (KERNELS, numpy_path)]
         assert [shape.cost.path for shape in shapes] == ["numba", "numpy"]
-        np.testing.assert_allclose(shapes[0].nodes, shapes[1].nodes, atol=1e-9)  # measured 2e-13
+        np.testing.assert_allclose(shapes[0].nodes, shapes[1].nodes, atol=1e-9)  # measured 5e-16
         np.testing.assert_allclose(shapes[0].grasp_wrenches, shapes[1].grasp_wrenches, atol=1e-8)
         assert shapes[0].iterations == shapes[1].iterations
 
@@ -197,7 +197,7 @@ def test_the_error_estimate_is_within_the_tolerance_and_near_the_truth(tolerance
         error = float(np.linalg.norm(shape.nodes - at, axis=1).max())
         assert shape.error is not None
         assert shape.error <= tolerance
-        assert error < 3 * shape.error + 1e-5  # measured 0.3 to 1.3 of the estimate
+        assert error < 3 * shape.error + 1e-5  # measured 0.86 to 0.99 of the estimate
 
 
 def test_a_tolerance_that_cannot_be_met_is_said() -> None:
@@ -230,7 +230,7 @@ def test_forces_and_moments_on_the_whole_cable_balance(hold: Hold) -> None:
     middles = 0.5 * (shape.nodes[1:] + shape.nodes[:-1])
     weights = np.outer(np.diff(shape.s) * 0.1, GRAVITY)
     total = moment.sum(axis=0) + np.cross(problem.grasps.position, force).sum(axis=0) + np.cross(middles, weights).sum(axis=0)
-    np.testing.assert_allclose(total, 0.0, atol=1e-5)  # measured 2e-7 N m
+    np.testing.assert_allclose(total, 0.0, atol=1e-5)  # measured 1e-13 N m
     if hold is Hold.HINGE:
         assert not moment.any()
 

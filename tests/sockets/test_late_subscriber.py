@@ -25,7 +25,7 @@ def test_a_recorder_that_joins_in_the_middle_gets_the_snapshot_and_every_later_f
         paused = control.wait_for("paused").step
         late = box.viz_client(tmp_path)
         file = tmp_path / recording.FILE_NAME
-        until(lambda: file.is_file() and file.stat().st_size > 0 or None)  # the stream is joined before the snapshot is asked for
+        until(lambda: (file.is_file() and file.stat().st_size > 0) or None)  # the stream is joined before the snapshot is asked for
         time.sleep(0.5)
         assert control.state().step == paused
         assert isinstance(control.tell(Resume()), Done)

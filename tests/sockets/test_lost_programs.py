@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import signal
-import sys
 import time
 from pathlib import Path
 
-from programs import LIMIT, STEPS, Box, Program, Remote, recorded, remote, without_measured
+from programs import LIMIT, STEPS, Box, Program, Remote, recorded, remote
 
 from protocol import recording
 from protocol.channel import Subscriber

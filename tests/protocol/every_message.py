@@ -1,0 +1,189 @@
+"""One good message of every type, small and with every field filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from protocol.kinds import Feature, Friction, Hold, Outcome
+from protocol.messages import (
+    AnyMessage,
+    Beat,
+    Bill,
+    Contacts,
+    Cost,
+    Done,
+    Error,
+    Finished,
+    Frame,
+    Grasps,
+    Hello,
+    Pause,
+    Problem,
+    Resume,
+    Shape,
+    ShapeReply,
+    ShapeRequest,
+    Snapshot,
+    SnapshotRequest,
+    Solid,
+    Start,
+    StartRun,
+    Statistics,
+    StatisticsRequest,
+    Stop,
+    TouchPoints,
+    Welcome,
+)
+from protocol.scene import Arm, Body, Cable, Gripper, Move, Picture, Robot, Scene, Target
+
+Path = tuple[str | int, ...]
+
+CABLE = Cable(name="trunk", length=1.2, diameter=0.009, mass_per_length=0.09, bending=0.02, twist=0.0164)
+
+
+def quaternions(count: int) -> np.ndarray:
+    """Unit quaternions, each another."""
+    angles = np.linspace(0.0, 1.0, count)
+    return np.stack([np.sin(angles), np.zeros(count), np.zeros(count), np.cos(angles)], axis=1)
+
+
+def grasps() -> Grasps:
+    return Grasps(
+        s=np.array([0.0, 1.2]), position=np.array([[0.0, 0, 1], [1, 0, 1]]), quaternion=quaternions(2), hold=(Hold.CLAMP, Hold.HINGE)
+    )
+
+
+def contacts() -> Contacts:
+    """A face, an edge and a vertex."""
+    return Contacts(
+        s=np.array([0.3, 0.6, 0.9]),
+        body=np.array([0, 1, -1]),
+        feature=np.array([Feature.FACE, Feature.EDGE, Feature.VERTEX]),
+        point=np.full((3, 3), 0.5),
+        normal=np.array([[0.0, 0, 1]] * 3),
+        direction=np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0]]),
+        extent=np.array([[0.0, 0], [0.1, 0.2], [0, 0]]),
+        distance=np.full(3, 0.0045),
+        friction=np.array([0, 1, 0]),
+        force=np.zeros((3, 3)),
+    )
+
+
+def start() -> Start:
+    return Start(s=np.linspace(0.0, 1.2, 4), frames=quaternions(3), grasp_forces=np.ones((2, 3)))
+
+
+def shape() -> Shape:
+    return Shape(
+        s=np.linspace(0.0, 1.2, 4),
+        nodes=np.arange(12.0).reshape(4, 3),
+        frames=quaternions(3),
+        tension=np.ones(3),
+        curvature=np.ones(4),
+        grasp_wrenches=np.ones((2, 6)),
+        contact_forces=np.ones((3, 3)),
+        contact_s=np.array([0.3, 0.6, 0.9]),
+        outcome=Outcome.CONVERGED,
+        sentence="converged",
+        model="rod",
+        effects=("gravity", "bending"),
+        error=1e-4,
+        residual=1e-9,
+        iterations=2,
+        is_stable=True,
+        cost=Cost(solve=1e-3, estimate=1e-4, path="numba"),
+    )
+
+
+def scene() -> Scene:
+    return Scene(
+        title="a scene",
+        cables=(CABLE,),
+        grippers=(Gripper(name="left", cable="trunk", at=0.0, position=(0.0, 0.0, 1.0), tangent=(1.0, 0.0, 0.0), arm="left"),),
+        moves=(Move(name="down", duration=1.0, targets=(Target(gripper="left", by=(0.0, 0.0, -0.1)),)),),
+        bodies=(Body(name="dashboard", generate="dashboard", friction=Friction.BOND),),
+        robot=Robot(arms=(Arm(name="left", tip="hand", hand=("finger",)),)),
+        pictures=(Picture(name="1", after="down"),),
+    )
+
+
+def solid() -> Solid:
+    return Solid(name="box", vertices=np.eye(3), triangles=np.array([[0, 1, 2]]), color=(0.5, 0.5, 0.5))
+
+
+def frame() -> Frame:
+    return Frame(
+        session="session",
+        sequence=7,
+        time=0.14,
+        move="down",
+        picture="",
+        joints=np.zeros(2),
+        poses=np.array([[0.0, 0, 0, 0, 0, 0, 1]]),
+        grasps=(grasps(),),
+        shapes=(shape(),),
+        touching=TouchPoints(
+            cable=np.zeros(1, np.int64), body=np.zeros(1, np.int64), s=np.array([0.3]), point=np.ones((1, 3)), force=np.ones((1, 3))
+        ),
+        rounds=2,
+        penetration=0.0,
+        grasp_error=1e-9,
+        collisions=(("left_hand", "dashboard"),),
+        torque_ratio=0.1,
+        bill=Bill(solve=1e-3, search=1e-3, robot=1e-3, encode=1e-3, wire=1e-3, wait=0.0, total=5e-3),
+    )
+
+
+def request() -> ShapeRequest:
+    problem = Problem(cable=CABLE, grasps=grasps(), contacts=contacts(), start=start())
+    return ShapeRequest(session="session", step=7, round=1, gravity=(0.0, 0.0, -9.81), tolerance=1e-3, problems=(problem,))
+
+
+def every_message() -> list[AnyMessage]:
+    """One of each type that may cross the wire on its own."""
+    return [
+        request(),
+        ShapeReply(session="session", step=7, round=1, shapes=(shape(),), busy=1e-3),
+        Beat(session="session", step=7, round=1, iterations=40, residual=0.5),
+        Hello(version=1, role="env_server"),
+        Welcome(version=1, role="shape_server", kernels="compiled"),
+        Error(code="message", sentence="not a message", key="problems"),
+        StartRun(recorders=2),
+        Pause(),
+        Resume(),
+        Stop(),
+        Done(),
+        SnapshotRequest(),
+        StatisticsRequest(),
+        Statistics(step=3, steps=60, state="running", sentence="running"),
+        Snapshot(session="session", scene=scene(), solids=(solid(),), joints=("a", "b"), steps=60, versions={"python": "3.13"}),
+        frame(),
+        Finished(session="session", frames=61, failed=False, sentence="finished"),
+    ]
+
+
+def places(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
+    """Every value inside a plain message, with the keys and indices that lead to it."""
+    yield path, value
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield from places(item, (*path, key))
+
+
+def at(value: Any, path: Path) -> Any:
+    """What is found there."""
+    for key in path:
+        value = value[key]
+    return value
+
+
+def replaced(value: Any, path: Path, new: Any) -> Any:
+    """A copy with another value there."""
+    if not path:
+        return new
+    copy = dict(value) if isinstance(value, dict) else list(value)
+    copy[path[0]] = replaced(value[path[0]], path[1:], new) if path[1:] else new
+    return copy
