@@ -16,7 +16,7 @@ from protocol.scene import Vector
 
 from . import effects, numpy_path, reading
 from .cold import curve_frames
-from .equilibrium import Progress, Settled, kick, relax, settle, step_once
+from .equilibrium import Progress, Settled, kick, relax, settle, step_near
 from .hanging import solve_hanging
 from .mesh import Mesh, even, from_nodes, halved
 from .rod import Held, Rod, State, start_state, unbalanced
@@ -124,18 +124,18 @@ def _warm(task: _Task, begun: float) -> Shape:
     assert start is not None
     mesh = from_nodes(start.s, task.problem.cable.length, task.problem.grasps.s)
     rod = make_rod(task.problem, task.gravity, task.used, mesh, task.path)
-    found = settle(rod, start_state(rod, start.frames), task.progress)
+    begin = start_state(rod, start.frames)
+    found = settle(rod, begin, task.progress)
     sentence = "settled from the start shape"
     if not (found.is_converged and found.is_stable):
-        why = found.why
-        relaxed = relax(rod, start_state(rod, start.frames), task.progress)
+        sentence = f"relaxed from the start shape, because {found.why}"
+        relaxed = relax(rod, _off_the_saddle(rod, begin, found), task.progress)
         found = replace(relaxed, iterations=relaxed.iterations + found.iterations)
-        sentence = f"relaxed from the start shape, because {why}"
     if not (found.is_converged and found.is_stable):
         return _cold(task, begun, mesh=mesh, spent=found.iterations)
     solved = time.perf_counter()
     coarse_rod = make_rod(task.problem, task.gravity, task.used, halved(mesh), task.path)
-    coarse = step_once(coarse_rod, _transfer(coarse_rod, rod, found.state))
+    coarse = step_near(coarse_rod, _transfer(coarse_rod, rod, found.state))
     return _shape(task, rod, found, sentence, _estimate(coarse_rod, coarse, rod, found), (begun, solved))
 
 
@@ -191,8 +191,15 @@ def _either(rod: Rod, begin: State, progress: Progress) -> Settled:
     after = settle(rod, begin, progress)
     if after.is_converged and after.is_stable:
         return after
-    relaxed = relax(rod, begin, progress)
+    relaxed = relax(rod, _off_the_saddle(rod, begin, after), progress)
     return replace(relaxed, iterations=relaxed.iterations + after.iterations)
+
+
+def _off_the_saddle(rod: Rod, begin: State, after: Settled) -> State:
+    """Where to relax from: beside the unstable equilibrium that was found, or the beginning if there was none."""
+    if not after.is_converged:
+        return begin
+    return replace(after.state, frames=rod.path.retract(after.state.frames, kick(rod)))
 
 
 def _layer(rod: Rod, found: Settled) -> float:

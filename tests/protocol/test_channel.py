@@ -62,8 +62,9 @@ def raw(address: str) -> zmq.Socket[bytes]:
 @pytest.mark.parametrize(
     "address",
     [
-        "tcp://0.0.0.0:5555", "tcp://*:5555", "tcp://192.168.1.7:5555", "tcp://[::]:5555", "tcp://example.org:5555", "tcp://127.0.0.1.example.org:1",
-        "tcp://eth0:5555", "tcp://:5555", "tcp://", "ipc://", "ipc:", "", "nonsense", "inproc://x", "udp://127.0.0.1:5", "/tmp/socket", "ipc:///" + 100 * "x",
+        "tcp://0.0.0.0:5555", "tcp://*:5555", "tcp://192.168.1.7:5555", "tcp://[::]:5555", "tcp://example.org:5555",
+        "tcp://127.0.0.1.example.org:1", "tcp://eth0:5555", "tcp://:5555", "tcp://", "ipc://", "ipc:", "", "nonsense",
+        "inproc://x", "udp://127.0.0.1:5", "/tmp/socket", "ipc:///" + 100 * "x",
     ],
 )  # fmt: skip
 def test_an_address_that_others_could_reach_or_that_is_none_is_refused_everywhere(address: str) -> None:
@@ -95,10 +96,13 @@ def test_port_zero_takes_a_free_one_and_says_which(address: str) -> None:
         assert all(one.address.startswith("tcp://127.0.0.1:") for one in (first, second))
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:port", "tcp://127.0.0.1:99999", "tcp://127.0.0.1"])
-def test_a_port_that_is_none_is_refused_with_a_sentence(address: str) -> None:
-    with pytest.raises(AddressError, match=f"address '{address}'"):
-        Server(address, Welcome)
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:port", "tcp://127.0.0.1:99999", "tcp://127.0.0.1:-1", "tcp://127.0.0.1", "tcp://127.0.0.1:"]
+)
+def test_a_port_that_is_none_is_refused_with_a_sentence_on_either_side(address: str) -> None:
+    for use in (lambda: Server(address, Welcome), lambda: Client(address, "test"), lambda: Subscriber(address)):
+        with ExitStack() as stack, pytest.raises(AddressError, match=f"address '{address}'"):
+            stack.enter_context(closing(use()))
 
 
 def test_a_second_program_at_one_address_is_refused_and_the_first_still_served(server: Server) -> None:
@@ -150,7 +154,8 @@ def test_another_version_or_project_is_answered_by_an_error(server: Server, hell
 
 def test_a_client_of_another_version_gets_an_exception(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     with closing(Client(server.address, "old")) as client:
-        monkeypatch.setattr("protocol.channel.Hello", lambda version, role: Hello(version=version + 1, role=role))
+        send = client.send
+        monkeypatch.setattr(client, "send", lambda _: send(Hello(version=VERSION + 1, role="old")))
         with pytest.raises(VersionError, match="the peer 'old' speaks version 2"):
             client.greet(LIMIT)
 

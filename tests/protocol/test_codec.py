@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import subprocess
 import sys
@@ -314,7 +315,5 @@ def test_an_error_may_carry_any_sentence() -> None:
 
 def only_ours(data: bytes) -> None:
     """Decode, and let nothing but our own errors pass."""
-    try:
+    with contextlib.suppress(CablecosimError):
         decode(data)
-    except CablecosimError as error:
-        assert str(error)

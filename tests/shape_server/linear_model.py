@@ -11,9 +11,10 @@ import pytest
 
 from protocol.messages import Problem
 from protocol.scene import Vector
+from shape_server import contact_geometry as geometry
 from shape_server import effects, numpy_path
 from shape_server.mesh import even, from_nodes
-from shape_server.rod import Rod, State, energy, look, newton_step, start_state
+from shape_server.rod import Rod, State, View, energy, look, newton_step, start_state
 from shape_server.solve import make_rod
 
 rod_module = sys.modules["shape_server.rod"]
@@ -46,9 +47,23 @@ def state_of(rod: Rod, frames: np.ndarray, *, force: np.ndarray | None = None, p
 
 
 def lagrangian(rod: Rod, state: State, turn: np.ndarray) -> float:
-    """Energy less the work of all forces, [J], the forces held fixed, at the state turned by `turn` (n-1, 3)."""
+    """Energy less the work of all forces, [J], the forces held fixed, at the state turned by `turn` (n-1, 3).
+
+    The turns at the nodes that make the bulge of a contact are those of the state, as `contact_geometry` has it.
+    """
     moved, view = look(rod, replace(state, frames=numpy_path.retract(state.frames, turn)))
-    return energy(rod, moved, view) - float(np.vdot(state.force, view.miss)) - float(state.push @ view.gap)
+    gap = view.gap + bulges(rod, moved, view, view) - bulges(rod, moved, view, look(rod, state)[1])
+    return energy(rod, moved, view) - float(np.vdot(state.force, view.miss)) - float(state.push @ gap)
+
+
+def bulges(rod: Rod, state: State, view: View, bent: View) -> np.ndarray:
+    """Bulge (m,) [m] under each contact where it now is, with the turns at the nodes as they are in `bent`."""
+    out = np.zeros(len(view.gap))
+    for row in np.flatnonzero(view.numbers[:, 0]).tolist():
+        j = int(rod.touch.element[row])
+        turns = (geometry._turn.py_func(bent.axes, j + end, bent.normal[row]) for end in (0, 1))
+        out[row] = geometry._bulge.py_func(state.fraction[row], rod.mesh.lengths[j], *turns)[0]
+    return out
 
 
 def model(rod: Rod, state: State, monkeypatch: pytest.MonkeyPatch) -> Model:

