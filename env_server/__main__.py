@@ -46,6 +46,7 @@ def main() -> int:
         return 2
     if sentence:
         sys.stdout.write(f"env_server: {sentence}\n")
+        return 1
     return 0
 
 

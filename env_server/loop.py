@@ -273,7 +273,7 @@ def _joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
     if not near.any():
         return cable.bodies
     first, second = cable.bodies, cable.links
-    names = ("segment", "fraction", "feature", "feature_id", "point", "normal", "direction", "extent", "gap", "is_crossing")
+    names = ("segment", "fraction", "feature", "feature_id", "point", "normal", "direction", "extent", "gap", "is_crossing", "is_beyond")
     columns = {name: np.concatenate([getattr(first, name), getattr(second, name)[near]]) for name in names}
     return Candidates(
         **columns,

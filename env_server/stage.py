@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -78,6 +79,7 @@ class Stage:
         self.solids: tuple[Solid, ...] = self.world.solids()
         names = [solid.name for solid in self.solids]
         self.solid_of_surface = np.array([names.index(name) if name in names else -1 for name in self.surface_names], dtype=np.int64)
+        self._check_reach_of_cables()
         self._excluded: dict[str, np.ndarray] = {}
         say("planning the path of the arms")
         self._joints = self._plan()
@@ -144,6 +146,23 @@ class Stage:
     def torque_ratio(self, wrenches: dict[str, np.ndarray], posture: Posture) -> float:
         """Largest static joint torque over its limit, with the wrenches (6,) of the cables on the hands, by arm."""
         return self.world.torque_ratio(posture.joints, wrenches)
+
+    def _check_reach_of_cables(self) -> None:
+        """Refuse a path that pulls two grippers further apart than the cable between them is long."""
+        grippers, times = self.scene.grippers, self.path.times
+        positions = np.array([self.path.at(float(time))[0] for time in times])  # (t, g, 3)
+        for cable in self.scene.cables:
+            for first, last in pairwise(self.holders(cable.name)):
+                span = grippers[last].at - grippers[first].at
+                chords = np.linalg.norm(positions[:, last] - positions[:, first], axis=1)
+                if chords.max() > span:
+                    step = int(np.argmax(chords > span))
+                    names = f"'{grippers[first].name}' and '{grippers[last].name}'"
+                    raise SceneError(
+                        f"moves: in '{self.path.move_at(float(times[step]))}' the grippers {names} come to be {chords.max():.4g} m apart, "
+                        f"with {span:.4g} m of cable '{cable.name}' between them; keep them within {span:.4g} m",
+                        key="moves",
+                    )
 
     def _posture(self, time: float, joints: np.ndarray) -> Posture:
         positions, rotations = self.path.at(time)

@@ -86,6 +86,7 @@ class Candidates:
     extent: np.ndarray  # (m, 2) m, from point back and on along direction to where the edge's line leaves the surface
     gap: np.ndarray  # (m,) m, between body and cable; negative where it penetrates
     is_crossing: np.ndarray  # (m,) bool, the axis itself touches or crosses the surface
+    is_beyond: np.ndarray  # (m,) bool, an edge that the contact beside it can slide on to; point is where it begins
     clearance: np.ndarray  # (n-1,) m, distance from axis to the nearest body per segment, at most reach + radius
 
     @property
@@ -146,7 +147,7 @@ class Touch:
         hits = self._with_edges(hits[:count], poses, radius + edges.CLOSE)
         if previous is not None:
             _keep_normals(hits, previous)
-        return _candidates(hits, clearance, radius, self._extents(hits, poses))
+        return _candidates(hits, count, clearance, radius, self._extents(hits, poses))
 
     def _with_edges(self, hits: np.ndarray, poses: np.ndarray, close: float) -> np.ndarray:
         """The pairs, and for those nearly touching, a pair for every edge that a contact could slide on to.
@@ -241,9 +242,9 @@ def _keep_normals(hits: np.ndarray, previous: Candidates) -> None:
             hits["normal"][row_number] = normal
 
 
-def _candidates(hits: np.ndarray, clearance: np.ndarray, radius: float, extent: np.ndarray) -> Candidates:
+def _candidates(hits: np.ndarray, own: int, clearance: np.ndarray, radius: float, extent: np.ndarray) -> Candidates:
     columns = {name: hits[name].copy() for name in ("segment", "fraction", "body", "feature", "feature_id", "point", "normal", "direction")}
-    found = Candidates(**columns, extent=extent, gap=hits["distance"] - radius, is_crossing=hits["is_crossing"] != 0, clearance=clearance)
+    found = Candidates(**columns, is_beyond=np.arange(len(hits)) >= own, extent=extent, gap=hits["distance"] - radius, is_crossing=hits["is_crossing"] != 0, clearance=clearance)
     for name in Candidates.__slots__:
         getattr(found, name).setflags(write=False)
     return found

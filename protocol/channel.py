@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
-from urllib.parse import urlsplit
 
 import zmq
 
@@ -47,14 +46,23 @@ def check_address(address: str) -> None:
         if len(rest.encode()) > 100:
             raise AddressError(f"address '{address}': an ipc path may have at most 100 bytes; use a shorter one", key=address)
         return
-    host = urlsplit(address).hostname if scheme == "tcp" else None
-    if host in LOOPBACK:
+    host, port = _host_and_port(address) if scheme == "tcp" else (None, None)
+    if host in LOOPBACK and port is not None:
         return
-    if scheme == "tcp" and host:
+    if host not in (None, *LOOPBACK):
         raise AddressError(
             f"address '{address}': {host} can be reached by others, and encryption is not built; use tcp://127.0.0.1:PORT", key=address
         )
     raise AddressError(f"address '{address}': must be ipc://PATH or tcp://127.0.0.1:PORT", key=address)
+
+
+def _host_and_port(address: str) -> tuple[str | None, str | None]:
+    """Host and port of a tcp address; None for a port that is none."""
+    host, colon, port = address.removeprefix("tcp://").rpartition(":")
+    if not colon:
+        return (port or None), None
+    is_port = port == "*" or (port.isascii() and port.isdigit() and int(port) <= 65535)
+    return (host or None), (port if is_port else None)
 
 
 class _Bound:
@@ -219,6 +227,8 @@ class Publisher:
 
     def __init__(self, address: str, *, lossless: bool) -> None:
         self._bound = _Bound(zmq.XPUB, address, queue=0 if lossless else 2)
+        # Every subscriber is to be counted, though all ask for the same.
+        self._bound.socket.setsockopt(zmq.XPUB_VERBOSER, 1)
         self.address = self._bound.address
         self.subscribers = 0
 
@@ -270,8 +280,10 @@ def _socket(kind: int, size_max: int, queue: int) -> zmq.Socket[bytes]:
     socket.setsockopt(zmq.MAXMSGSIZE, size_max)
     socket.setsockopt(zmq.SNDHWM, queue)
     socket.setsockopt(zmq.RCVHWM, queue)
-    socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT)
-    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 3 * HEARTBEAT)
+    if kind in (zmq.ROUTER, zmq.DEALER):
+        # Not for streams: a recorder that is held up for a while must not lose what is kept for it.
+        socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT)
+        socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 3 * HEARTBEAT)
     socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE)
     return socket
 

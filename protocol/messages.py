@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import MessageError
 from .kinds import FRICTION_CODES, Feature, Hold, Outcome
-from .scene import Cable, Scene, Vector
+from .scene import LENGTH_MAX, MASS_MAX, STIFFNESS_MAX, Cable, Scene, Vector
 
 NODES_MAX: Final = 20_000
 CONTACTS_MAX: Final = 5_000
@@ -70,6 +70,8 @@ class Contacts(Part, frozen=True):
         """Check shapes and ranges."""
         count = len(self.s)
         _check_count("contacts", count, CONTACTS_MAX)
+        for name, low, high in (("body", -1, 10_000), ("feature", 0, len(Feature) - 1), ("friction", 0, len(FRICTION_CODES) - 1)):
+            _check_integers(f"contacts.{name}", getattr(self, name), count, low, high)
         for name in ("s", "distance"):
             _check_floats(f"contacts.{name}", getattr(self, name), (count,), EXTENT_MAX)
         for name in ("point", "normal", "direction"):
@@ -78,8 +80,6 @@ class Contacts(Part, frozen=True):
         _check_floats("contacts.force", self.force, (count, 3), 1e9)
         _check_units("contacts.normal", self.normal)
         _check_units("contacts.direction", self.direction[self.feature == Feature.EDGE])
-        for name, low, high in (("body", -1, 10_000), ("feature", 0, len(Feature) - 1), ("friction", 0, len(FRICTION_CODES) - 1)):
-            _check_integers(f"contacts.{name}", getattr(self, name), count, low, high)
 
 
 class Start(Part, frozen=True):
@@ -365,16 +365,17 @@ AnyMessage = (
 
 def _check_cable(cable: Cable) -> None:
     """Check the numbers of a cable that came over the wire."""
-    for name, value, least in (
-        ("length", cable.length, 0.0),
-        ("diameter", cable.diameter, 0.0),
-        ("bending", cable.bending, 0.0),
-        ("twist", cable.twist, 0.0),
-        ("mass_per_length", cable.mass_per_length, -1.0),
+    for name, value, most, unit in (
+        ("length", cable.length, LENGTH_MAX, "m"),
+        ("diameter", cable.diameter, LENGTH_MAX, "m"),
+        ("bending", cable.bending, STIFFNESS_MAX, "N m^2"),
+        ("twist", cable.twist, STIFFNESS_MAX, "N m^2"),
+        ("mass_per_length", cable.mass_per_length, MASS_MAX, "kg/m"),
     ):
-        if value is not None and not (least < value < 1e12 and value >= 0.0):
-            above = "be positive" if least == 0.0 else "not be negative"
-            raise MessageError(f"cable.{name}: {value!r} must {above}, and finite", key=f"cable.{name}")
+        is_mass = name == "mass_per_length"
+        if value is not None and not ((value >= 0.0 if is_mass else value > 0.0) and value <= most):
+            sentence = f"cable.{name}: {value!r} must be {'0 or more' if is_mass else 'positive'}, and at most {most:g} {unit}"
+            raise MessageError(sentence, key=f"cable.{name}")
     if (cable.bending is None) != (cable.twist is None):
         raise MessageError("cable: has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)", key="cable")
 

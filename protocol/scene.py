@@ -30,6 +30,11 @@ class Unit:
     name: str
 
 
+LENGTH_MAX: Final = 1e4  # m; what is beyond these bounds is a mistake of unit, not a cable
+MASS_MAX: Final = 1e4  # kg/m
+STIFFNESS_MAX: Final = 1e9  # N m^2
+STEPS_MAX: Final = 1_000_000
+
 Positive = Annotated[float, Gt(0)]
 Metres = Annotated[Vector, Unit("m")]
 
@@ -40,11 +45,11 @@ class Cable:
 
     __pydantic_config__: ClassVar = STRICT
     name: Annotated[str, MinLen(1)]
-    length: Annotated[Positive, Unit("m")]
-    diameter: Annotated[Positive, Unit("m")]
-    mass_per_length: Annotated[float, Ge(0), Unit("kg/m")]
-    bending: Annotated[Positive, Unit("N m^2")] | None = None  # EI; without it the cable is a catenary
-    twist: Annotated[Positive, Unit("N m^2")] | None = None  # GJ; goes with bending
+    length: Annotated[Positive, Le(LENGTH_MAX), Unit("m")]
+    diameter: Annotated[Positive, Le(LENGTH_MAX), Unit("m")]
+    mass_per_length: Annotated[float, Ge(0), Le(MASS_MAX), Unit("kg/m")]
+    bending: Annotated[Positive, Le(STIFFNESS_MAX), Unit("N m^2")] | None = None  # EI; without it the cable is a catenary
+    twist: Annotated[Positive, Le(STIFFNESS_MAX), Unit("N m^2")] | None = None  # GJ; goes with bending
 
 
 @dataclass(frozen=True)
@@ -164,14 +169,18 @@ def check_scene(scene: Scene) -> None:
     for index, gripper in enumerate(scene.grippers):
         _check_gripper(f"grippers[{index}]", gripper, cables, scene.robot)
     for index, body in enumerate(scene.bodies):
+        _check_quaternion(f"bodies[{index}].quaternion", body.quaternion)
         if (body.generate is None) == (body.mesh is None):
             raise SceneError(f"bodies[{index}]: '{body.name}' needs either 'generate' or 'mesh', one of the two", key=f"bodies[{index}]")
     for index, move in enumerate(scene.moves):
         for place, target in enumerate(move.targets):
             _check_target(f"moves[{index}].targets[{place}]", target, grippers, [body.name for body in scene.bodies])
+    _check_steps(scene)
     for index, picture in enumerate(scene.pictures):
         if picture.after != "start":
             _known(f"pictures[{index}].after", picture.after, [move.name for move in scene.moves])
+    if scene.robot is not None:
+        _check_quaternion("robot.quaternion", scene.robot.quaternion)
     _check_distances(scene, cables)
 
 
@@ -250,8 +259,25 @@ def _known(key: str, name: str, names: list[str]) -> None:
 
 
 def _check_direction(key: str, vector: Vector) -> None:
-    if not 1e-9 < math.hypot(*vector) < math.inf:
+    size = math.hypot(*vector)
+    if not 1e-9 < size < math.inf:
         raise SceneError(f"{key}: {list(vector)} has no direction; give a vector that is not zero", key=key)
+    if size > 1e9:
+        raise SceneError(f"{key}: {list(vector)} is too long for a direction; give a vector of a length around 1", key=key)
+
+
+def _check_quaternion(key: str, quaternion: Quaternion) -> None:
+    if not abs(math.hypot(*quaternion) - 1.0) < 1e-3:
+        raise SceneError(f"{key}: {list(quaternion)} must have length 1, such as [0, 0, 0, 1] for no turn", key=key)
+
+
+def _check_steps(scene: Scene) -> None:
+    steps = sum(move.duration for move in scene.moves) / scene.time_step
+    if not steps <= STEPS_MAX:
+        raise SceneError(
+            f"time_step: {scene.time_step:g} s cuts the moves into {steps:.3g} steps; choose it so that there are at most {STEPS_MAX}",
+            key="time_step",
+        )
 
 
 def _unit(vector: Vector) -> Vector:

@@ -110,7 +110,7 @@ def relax(rod: Rod, state: State, progress: Progress) -> Settled:
         now = _soft_forces(multiplier, state, view, stiffness, hardness)
         multiplier = replace(multiplier, force=now.force, push=now.push)
         worst, last = _worst_miss(rod, state, view), worst
-        if worst > 0.3 * last and stiffness < 1e4 * softest:
+        if worst > 0.3 * last and helped == 0 and stiffness < 1e3 * softest:
             stiffness, hardness = 3.0 * stiffness, 3.0 * hardness
         # A step that needed a shift may be on its way to a saddle: wait until it stalls there, then look what it is.
         is_near = longest < 0.02 if helped == 0 else (longest < 1e-3 or helped > 8)
@@ -204,7 +204,7 @@ def _worst_miss(rod: Rod, state: State, view: View) -> float:
     """
     if -view.gap.min(initial=0.0) > GIVE_MAX * rod.length:
         return np.inf
-    gives = rod.held.normal.any(axis=1)[:, None] * hardness_of(rod)
+    gives = np.any(rod.held.normal, axis=1, keepdims=True) * hardness_of(rod)
     held = float(np.abs((view.miss + gives * state.force)[state.holds]).max(initial=0.0))
     balance = view.gap + hardness_of(rod) * state.push
     wrong = np.where(state.touches, np.abs(balance), np.maximum(-balance, 0.0))

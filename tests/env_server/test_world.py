@@ -150,7 +150,7 @@ def test_solids_have_a_pose_each_and_few_triangles(world: World) -> None:
     for solid, pose in zip(solids[:-2], poses, strict=False):
         assert np.array_equal(pose, links[ROBOT.link_names.index(solid.name)])
     assert poses[-2][:3] == pytest.approx(BODIES[0].position)
-    assert sum(len(solid.triangles) for solid in solids) < 45_000
+    assert sum(len(solid.triangles) for solid in solids) < 160_000
 
 
 def test_surfaces_of_links_are_closed_and_within_what_is_drawn(world: World) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import signal
 import time
+from contextlib import closing
 from pathlib import Path
 
-from programs import LIMIT, STEPS, Box, Program, Remote, recorded, remote
+from programs import LIMIT, STEPS, Box, Program, Remote, recorded, remote, until
 
 from protocol import recording
 from protocol.channel import Subscriber
@@ -34,8 +35,7 @@ def started(box: Box, shape: str, control: Remote, out: Path) -> Program:
 
 def stopped_at(control: Remote, step: int) -> int:
     """Hold the run after some step; the step."""
-    while control.state().step < step:
-        time.sleep(0.005)
+    until(lambda: control.state().step >= step or None)
     assert isinstance(control.tell(Pause()), Done)
     return control.wait_for("paused").step
 
@@ -70,7 +70,7 @@ def test_a_shape_server_that_is_killed_for_good_ends_the_run_with_a_sentence(box
         state = control.wait_for("failed")
         assert f"the shape server at {box.at('shape')} has been silent for 2 s" in state.sentence
         assert viz.wait() == 0
-    env.wait()
+    assert env.wait() == 1
     messages = recorded(tmp_path)
     assert messages[-1] == {
         "type": "Finished",
@@ -119,8 +119,7 @@ def test_a_run_that_is_stopped_ends_in_good_order_and_says_where(box: Box, shape
 
 def test_a_recorder_that_is_killed_holds_nothing_up(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
-    other = Subscriber(box.at("frames"))
-    with remote(box) as control:
+    with remote(box) as control, closing(Subscriber(box.at("frames"))) as other:
         viz = box.viz_client(tmp_path)
         control.wait_for("ready")
         control.tell(StartRun(recorders=2))
@@ -131,10 +130,25 @@ def test_a_recorder_that_is_killed_holds_nothing_up(box: Box, shape: str, tmp_pa
         messages = []
         while not messages or not isinstance(messages[-1], Finished):
             messages.append(decode(other.receive(LIMIT) or b""))
-    other.close()
     assert env.wait() == 0
     assert [frame.sequence for frame in messages[:-1] if isinstance(frame, Frame)] == list(range(STEPS + 1))
     assert len(recording.read(tmp_path / recording.FILE_NAME).frames) <= step + 1
+
+
+def test_a_recorder_that_is_held_up_loses_nothing(box: Box, shape: str, tmp_path: Path) -> None:
+    """Longer than the heartbeats of ZeroMQ would wait, which drop what is queued when they give up."""
+    env = box.env_server(shape)
+    with remote(box) as control:
+        viz = started(box, shape, control, tmp_path)
+        stopped_at(control, 3)
+        viz.say(signal.SIGSTOP)
+        control.tell(Resume())
+        control.wait_for("finished")
+        time.sleep(2.5)
+        viz.say(signal.SIGCONT)
+        assert viz.wait() == 0
+    assert env.wait() == 0
+    assert [message["sequence"] for message in recorded(tmp_path)[1:-1]] == list(range(STEPS + 1))
 
 
 def test_a_terminated_environment_ends_its_run_in_good_order(box: Box, shape: str, tmp_path: Path) -> None:
