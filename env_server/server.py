@@ -45,6 +45,7 @@ class Run:
         self._live = Publisher(live, lossless=False)
         self._asker = Asker(shape)
         self._sequence = 0
+        self._publishing = 0.0  # s that the last frame took; on the bill of the next
 
     @property
     def addresses(self) -> dict[str, str]:
@@ -150,7 +151,7 @@ class Run:
         torque_ratio = stage.torque_ratio(wrenches, posture)
         worked = time.perf_counter()
         bill = msgspec.structs.replace(
-            stepped.bill, robot=stepped.bill.robot + worked - begun, wait=wait, total=stepped.bill.total + worked - begun
+            stepped.bill, robot=stepped.bill.robot + worked - begun, wait=wait, total=stepped.bill.total + worked - begun + self._publishing
         )
         frame = Frame(
             session=self._session,
@@ -172,6 +173,7 @@ class Run:
         )
         self._send(encode(frame))
         self._sequence += 1
+        self._publishing = time.perf_counter() - worked
 
     def _send(self, data: bytes) -> None:
         self._record.publish(data)

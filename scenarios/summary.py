@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 FILE_NAME: Final = "summary.json"
 BILL: Final = Bill.__struct_fields__
 
+WARM_UP: Final = 10  # steps left out of the speed, in which kernels are loaded
+
 Summary = dict[str, Any]
 
 
@@ -35,12 +37,12 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
         wall: [s] Wall time from the command to the last file written, which the recording does not know.
 
     Returns:
-        Plain values with their units in the names. `steps_per_second` is 1 over the median of the bill's total, without
-        the start posture; so compiling and single hold-ups do not count.
+        Plain values with their units in the names. `steps_per_second` is the number of steps over the sum of their bills'
+        totals, without the first `WARM_UP` steps and without what was held by pauses; hard steps count in full.
     """
     tally = _Tally()
     for frame in run.frames:
-        tally.add(frame)
+        tally.add(frame, run.snapshot.scene.tolerance)
     finished = run.finished
     return {
         "scene": run.snapshot.scene.title,
@@ -72,6 +74,7 @@ def table(summary: Summary) -> Table:
     outcomes = ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items()) or "none"
     if set(summary["outcomes"]) - {Outcome.CONVERGED.value}:
         outcomes += "  [red]not all converged[/red]"
+    above = f"; above the tolerance, or unknown, in {count} steps" if (count := summary["steps_above_tolerance"]) else ""
     whole = summary["complete"] and summary["steps"] > 0
     rows: Iterable[tuple[str, str]] = (
         ("steps", f"{summary['steps']} of {summary['steps_planned']}" + ("" if whole else f"  [red]{escape(summary['sentence'])}[/red]")),
@@ -80,7 +83,7 @@ def table(summary: Summary) -> Table:
         ("outcomes", outcomes),
         ("worst penetration", _length(summary["worst_penetration_m"])),
         ("worst grasp error", _length(summary["worst_grasp_error_m"])),
-        ("worst error estimate", _length(summary["worst_error_estimate_m"])),
+        ("worst error estimate", _length(summary["worst_error_estimate_m"]) + above),
         ("contacts", f"{summary['contacts_max']} at most"),
         ("rounds of a step", f"{summary['rounds_max']} at most"),
         ("tension", _figure(summary["tension_max_N"], "N at most")),
@@ -102,9 +105,10 @@ class _Tally:
         self._bills: list[tuple[float, ...]] = []
         self._outcomes: Counter[str] = Counter()
         self._most: dict[str, float] = {}
-        self._contacts = self._rounds = self._collisions = 0
+        self._contacts = self._rounds = self._collisions = self._above = 0
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: Frame, tolerance: float) -> None:
+        self._above += any(shape.error is None or shape.error > tolerance for shape in frame.shapes)
         if frame.sequence > 0:
             self._bills.append(tuple(getattr(frame.bill, part) for part in BILL))
         self._collisions += bool(frame.collisions)
@@ -131,14 +135,16 @@ class _Tally:
 
     def values(self) -> Summary:
         bills = np.array(self._bills).reshape(-1, len(BILL))
-        total = float(np.median(bills[:, BILL.index("total")])) if len(bills) else 0.0
+        counted = bills[WARM_UP:] if len(bills) > 2 * WARM_UP else bills
+        total = float(counted[:, BILL.index("total")].sum())
         most = {name: float(value) if np.isfinite(value) else None for name, value in self._most.items()}
         curvature = most.get("curvature")
         return {
-            "steps_per_second": 1.0 / total if total > 0 else None,
+            "steps_per_second": len(counted) / total if total > 0 else None,
             "worst_penetration_m": most.get("penetration"),
             "worst_grasp_error_m": most.get("grasp_error"),
             "worst_error_estimate_m": most.get("error"),
+            "steps_above_tolerance": self._above,
             "outcomes": dict(sorted(self._outcomes.items())),
             "contacts_max": self._contacts,
             "rounds_max": self._rounds,

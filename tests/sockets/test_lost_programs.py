@@ -26,11 +26,18 @@ IMPATIENT = (
 
 
 def started(box: Box, shape: str, control: Remote, out: Path) -> Program:
-    """A recorder and a run that has begun; the recorder."""
+    """A run that has begun, and its recorder, which has the snapshot."""
     viz = box.viz_client(out)
     control.wait_for("ready")
     control.tell(StartRun(recorders=1))
+    until(lambda: has_begun(out) or None)
     return viz
+
+
+def has_begun(out: Path) -> bool:
+    """Whether a recording holds something."""
+    file = out / recording.FILE_NAME
+    return file.is_file() and file.stat().st_size > 0
 
 
 def stopped_at(control: Remote, step: int) -> int:
@@ -124,6 +131,7 @@ def test_a_recorder_that_is_killed_holds_nothing_up(box: Box, shape: str, tmp_pa
         control.wait_for("ready")
         control.tell(StartRun(recorders=2))
         step = stopped_at(control, 3)
+        until(lambda: has_begun(tmp_path) or None)
         viz.say(signal.SIGKILL)
         viz.wait()
         control.tell(Resume())
