@@ -7,8 +7,11 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import shutil
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -24,23 +27,18 @@ def main() -> int:
     """Run one scene; 0 in good order, 1 if the run failed on its way, 2 with a sentence for a mistake."""
     arguments = _parser().parse_args()
     try:
-        box = private_directory() if None in (arguments.frames, arguments.live, arguments.control) else Path()
-        run = Run(
-            _read_scene(Path(arguments.scene)),
-            shape=arguments.shape,
-            frames=arguments.frames or f"ipc://{box}/frames",
-            live=arguments.live or f"ipc://{box}/live",
-            control=arguments.control or f"ipc://{box}/control",
-        )
-        signal.signal(signal.SIGTERM, lambda number, frame: _stop(run, number, frame))
-        signal.signal(signal.SIGINT, lambda number, frame: _stop(run, number, frame))
-        try:
-            for purpose, address in run.addresses.items():
-                sys.stdout.write(f"{purpose:8s}{address}\n")
-            sys.stdout.flush()
-            sentence = run.go(at_once=arguments.start)
-        finally:
-            run.close()
+        scene = _read_scene(Path(arguments.scene))
+        with _addresses(arguments) as addresses:
+            run = Run(scene, shape=arguments.shape, patience=arguments.patience, **addresses)
+            signal.signal(signal.SIGTERM, lambda number, frame: _stop(run, number, frame))
+            signal.signal(signal.SIGINT, lambda number, frame: _stop(run, number, frame))
+            try:
+                for purpose, address in run.addresses.items():
+                    sys.stdout.write(f"{purpose:8s}{address}\n")
+                sys.stdout.flush()
+                sentence = run.go(at_once=arguments.start)
+            finally:
+                run.close()
     except CablecosimError as error:
         sys.stderr.write(f"env_server: {error}\n")
         return 2
@@ -63,8 +61,25 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--frames", metavar="ADDRESS", help="publish every frame here, without loss, for recorders")
     parser.add_argument("--live", metavar="ADDRESS", help="publish frames here for looking; a slow viewer sees only the newest")
     parser.add_argument("--control", metavar="ADDRESS", help="answer start, pause, stop, snapshot and statistics here")
+    parser.add_argument(
+        "--patience", metavar="SECONDS", type=float, default=60.0, help="wait this long for a silent shape server (default 60)"
+    )
     parser.add_argument("--start", action="store_true", help="step as soon as the scene is ready, without waiting to be started")
     return parser
+
+
+@contextmanager
+def _addresses(arguments: argparse.Namespace) -> Iterator[dict[str, str]]:
+    """Where to listen: as asked for, else in a private folder that is gone afterwards."""
+    asked = {name: getattr(arguments, name) for name in ("frames", "live", "control")}
+    if None not in asked.values():
+        yield asked
+        return
+    box = private_directory()
+    try:
+        yield {name: address or f"ipc://{box}/{name}" for name, address in asked.items()}
+    finally:
+        shutil.rmtree(box, ignore_errors=True)
 
 
 def _read_scene(path: Path) -> Scene:

@@ -13,16 +13,16 @@ from typing import Final
 from protocol.channel import Client
 from protocol.codec import decode, encode
 from protocol.errors import CablecosimError, MessageError, PeerLostError, SceneError
+from protocol.kinds import Outcome
 from protocol.messages import Beat, Error, ShapeReply, ShapeRequest
 
 SILENCE: Final = 2.0  # s without a sign of life before a request is sent again
-PATIENCE: Final = 60.0  # s without a sign of life before the run is given up
 
 
 class Asker:
     """Sends shape requests, one at a time, and waits for their replies."""
 
-    def __init__(self, address: str, *, silence: float = SILENCE, patience: float = PATIENCE) -> None:
+    def __init__(self, address: str, *, patience: float, silence: float = SILENCE) -> None:
         self._address = address
         self._silence, self._patience = silence, patience
         self._client = Client(address, "env_server")
@@ -101,18 +101,14 @@ class Asker:
 
 
 def _check_reply(request: ShapeRequest, reply: ShapeReply) -> None:
-    """Refuse a reply whose arrays do not fit the request, before anything is computed from them."""
+    """Refuse a reply that does not fit the request, before anything is computed from it."""
     if len(reply.shapes) != len(request.problems):
         raise CablecosimError(f"the shape server sent {len(reply.shapes)} shapes for {len(request.problems)} cables")
     for problem, shape in zip(request.problems, reply.shapes, strict=True):
-        nodes, grasps = len(shape.s), len(problem.grasps.s)
-        sizes = {
-            "nodes": (shape.nodes.shape, (nodes, 3)),
-            "frames": (shape.frames.shape, (max(nodes - 1, 0), 4)),
-            "tension": (shape.tension.shape, (max(nodes - 1, 0),)),
-            "curvature": (shape.curvature.shape, (nodes,)),
-            "grasp_wrenches": (shape.grasp_wrenches.shape, (grasps, 6)),
-        }
-        for name, (found, wanted) in sizes.items():
-            if found != wanted:
-                raise CablecosimError(f"the shape server sent {name} of shape {found}; must be {wanted}", key=name)
+        if len(shape.grasp_wrenches) != len(problem.grasps.s):
+            raise CablecosimError(f"the shape server sent {len(shape.grasp_wrenches)} wrenches for {len(problem.grasps.s)} grasps")
+        contacts = len(problem.contacts.s) if problem.contacts is not None else 0
+        if shape.outcome is Outcome.CONVERGED and (len(shape.s) < 2 or len(shape.contact_s) != contacts):
+            raise CablecosimError(
+                f"the shape server sent a shape of {len(shape.s)} nodes with {len(shape.contact_s)} of {contacts} contacts"
+            )

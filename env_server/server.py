@@ -26,7 +26,6 @@ from .control import Control
 from .loop import Loop, Stepped, touch_points
 from .stage import Stage
 
-SHAPE_SERVER_LIMIT: Final = 60.0  # s for the shape server to appear
 RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
 LINGER: Final = 60.0  # s to go on answering after the run
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyzmq", "pybullet", "trimesh", "manifold3d", "msgspec")
@@ -35,15 +34,16 @@ LIBRARIES: Final = ("numpy", "scipy", "numba", "pyzmq", "pybullet", "trimesh", "
 class Run:
     """One scene from set-up to the last frame."""
 
-    def __init__(self, scene: Scene, *, shape: str, frames: str, live: str, control: str) -> None:
+    def __init__(self, scene: Scene, *, shape: str, frames: str, live: str, control: str, patience: float) -> None:
         self._scene = scene
+        self._patience = patience
         data = scene_file.write(scene)
         self._control = Control(control, hashlib.sha256(data).hexdigest()[:16])
         # The session is part of every request; made from the scene, it lets two runs of one scene give the same bytes.
         self._session = uuid.uuid5(uuid.NAMESPACE_OID, data.decode()).hex
         self._record = Publisher(frames, lossless=True)
         self._live = Publisher(live, lossless=False)
-        self._asker = Asker(shape)
+        self._asker = Asker(shape, patience=patience)
         self._sequence = 0
         self._publishing = 0.0  # s that the last frame took; on the bill of the next
 
@@ -53,7 +53,7 @@ class Run:
         return {"control": self._control.address, "frames": self._record.address, "live": self._live.address}
 
     def go(self, *, at_once: bool) -> str:
-        """Set up, wait to be started (unless `at_once`), and run; returns why it failed, or an empty sentence."""
+        """Set up, wait to be started (unless `at_once`), and run; returns why it failed; empty if it ended well or was stopped."""
         stage = self._set_up()
         try:
             snapshot = self._snapshot(stage)
@@ -96,7 +96,7 @@ class Run:
         touch.warm_up()
         stage = Stage(self._scene, self._control.say)
         self._control.say("waiting for the shape server")
-        self._asker.greet(SHAPE_SERVER_LIMIT)
+        self._asker.greet(self._patience)
         return stage
 
     def _snapshot(self, stage: Stage) -> Snapshot:
@@ -113,11 +113,11 @@ class Run:
     def _step(self, stage: Stage, loop: Loop, first: Stepped, steps: int) -> str:
         """All time steps; returns why they ended early, or an empty sentence."""
         stepped, shapes = first, tuple(cable.shape for cable in first.cables)
-        sentence = ""
+        sentence, was_stopped = "", False
         for step in range(steps + 1):
             wait = self._control.hold()
             if self._control.is_stopped:
-                sentence = f"stopped before step {step} of {steps}"
+                sentence, was_stopped = f"stopped before step {step} of {steps}", True
                 break
             try:
                 stepped = loop.advance(step) if step else first
@@ -132,9 +132,9 @@ class Run:
             self._control.report(step, steps, "running", "running")
             if sentence:
                 break
-        self._send(encode(Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")))
         self._control.report(step, steps, "failed" if sentence else "finished", sentence or "finished")
-        return sentence
+        self._send(encode(Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")))
+        return "" if was_stopped else sentence
 
     def _publish(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float) -> None:
         begun = time.perf_counter()

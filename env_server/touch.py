@@ -244,7 +244,14 @@ def _keep_normals(hits: np.ndarray, previous: Candidates) -> None:
 
 def _candidates(hits: np.ndarray, own: int, clearance: np.ndarray, radius: float, extent: np.ndarray) -> Candidates:
     columns = {name: hits[name].copy() for name in ("segment", "fraction", "body", "feature", "feature_id", "point", "normal", "direction")}
-    found = Candidates(**columns, is_beyond=np.arange(len(hits)) >= own, extent=extent, gap=hits["distance"] - radius, is_crossing=hits["is_crossing"] != 0, clearance=clearance)
+    found = Candidates(
+        **columns,
+        is_beyond=np.arange(len(hits)) >= own,
+        extent=extent,
+        gap=hits["distance"] - radius,
+        is_crossing=hits["is_crossing"] != 0,
+        clearance=clearance,
+    )
     for name in Candidates.__slots__:
         getattr(found, name).setflags(write=False)
     return found

@@ -23,11 +23,11 @@ from .codec import decode, encode
 from .errors import AddressError, CablecosimError, MessageError, PeerLostError, VersionError
 from .messages import AnyMessage, Error, Hello, Message, Welcome
 
-SIZE_MAX: Final = 8 * 2**20  # bytes of a request or reply; 20 000 nodes take 4.2 MB
+SIZE_MAX: Final = 32 * 2**20  # bytes of a request or reply; 20 000 nodes take 4.2 MB
 SNAPSHOT_SIZE_MAX: Final = 256 * 2**20  # bytes of a message from the environment, which may hold meshes
 HEARTBEAT: Final = 500  # ms between ZMTP heartbeats; a frozen or vanished peer is dropped after three
 HANDSHAKE: Final = 2000  # ms for a new connection to speak ZMTP
-LOOPBACK: Final = ("127.0.0.1", "localhost", "[::1]", "::1")
+LOOPBACK: Final = ("127.0.0.1", "localhost")
 
 
 def private_directory() -> Path:
@@ -163,7 +163,13 @@ class Client:
         self.send_bytes(encode(message))
 
     def send_bytes(self, data: bytes) -> None:
-        """Send an encoded message."""
+        """Send an encoded message.
+
+        Raises:
+            MessageError: If it is larger than any server takes; ZeroMQ would drop it without a word.
+        """
+        if len(data) > SIZE_MAX:
+            raise MessageError(f"the message has {len(data) / 2**20:.1f} MiB; at most {SIZE_MAX / 2**20:g} can be sent, use fewer nodes")
         self._socket.send(data)
 
     def receive_bytes(self, timeout: float) -> bytes | None:

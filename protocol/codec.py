@@ -1,19 +1,22 @@
 """Messages to bytes and back: plain MessagePack, so that any `msgpack` library can read and write it.
 
 An array is a map {"dtype": "<f8" or "<i8", "shape": [...], "data": bytes}, C order, little-endian. Decoding is typed:
-what is not exactly a message of ours raises `MessageError` and allocates nothing that its sender did not send.
+what is not exactly a message of ours raises `MessageError`.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import fields
 from typing import Any, Final
 
 import msgspec
 import numpy as np
 
 from .errors import CablecosimError, MessageError
-from .messages import AnyMessage, Message
+from .messages import AnyMessage, Message, ShapeRequest
+from .scene import Cable
 
 _DTYPES: Final = {"<f8": np.dtype("<f8"), "<i8": np.dtype("<i8")}
 
@@ -34,8 +37,27 @@ def decode(data: bytes) -> AnyMessage:
     except CablecosimError:
         raise
     except (msgspec.DecodeError, ValueError, RecursionError, OverflowError) as error:
-        raise MessageError(f"not a message of this protocol: {error}") from error
+        place = re.search(r"`\$\.(.+?)`", str(error))
+        raise MessageError(f"not a message of this protocol: {error}", key=place.group(1) if place else "") from error
+    if isinstance(message, ShapeRequest):
+        _check_cable_fields(data)
     return message
+
+
+def _check_cable_fields(data: bytes) -> None:
+    """Refuse an unknown field of a cable, which a dataclass would take no notice of."""
+    for index, problem in enumerate(_NAMES.decode(data).problems):
+        for name in problem.cable.keys() - _CABLE_FIELDS:
+            key = f"problems[{index}].cable.{name}"
+            raise MessageError(f"{key}: unknown field; there are {', '.join(sorted(_CABLE_FIELDS))}", key=key)
+
+
+class _CableNames(msgspec.Struct):
+    cable: dict[str, msgspec.Raw]
+
+
+class _ProblemNames(msgspec.Struct):
+    problems: tuple[_CableNames, ...]
 
 
 def _encode_array(value: Any) -> Any:
@@ -62,4 +84,6 @@ def _decode_array(kind: type, value: Any) -> Any:
 
 
 _ENCODER: Final = msgspec.msgpack.Encoder(enc_hook=_encode_array)
+_NAMES: Final = msgspec.msgpack.Decoder(_ProblemNames)
+_CABLE_FIELDS: Final = frozenset(field.name for field in fields(Cable))
 _DECODER: Final = msgspec.msgpack.Decoder(AnyMessage, dec_hook=_decode_array)

@@ -18,6 +18,7 @@ from .scene import LENGTH_MAX, MASS_MAX, STIFFNESS_MAX, Cable, Scene, Vector
 NODES_MAX: Final = 20_000
 CONTACTS_MAX: Final = 5_000
 GRASPS_MAX: Final = 100
+HUGE: Final = 1e12  # in any unit; a number beyond this is a mistake
 EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
 
 
@@ -155,6 +156,23 @@ class Shape(Part, frozen=True):
     is_stable: bool  # certified from the inertia of the system, in three dimensions
     cost: Cost
 
+    def __post_init__(self) -> None:
+        """Check shapes and ranges; an outcome without a shape has empty arrays."""
+        nodes, grasps, contacts = len(self.s), len(self.grasp_wrenches), len(self.contact_s)
+        segments = max(nodes - 1, 0)
+        _check_count("shape", nodes, NODES_MAX)
+        for name, shape, most in (
+            ("s", (nodes,), EXTENT_MAX),
+            ("nodes", (nodes, 3), EXTENT_MAX),
+            ("tension", (segments,), HUGE),
+            ("curvature", (nodes,), HUGE),
+            ("grasp_wrenches", (grasps, 6), HUGE),
+            ("contact_forces", (contacts, 3), HUGE),
+            ("contact_s", (contacts,), EXTENT_MAX),
+        ):
+            _check_floats(f"shape.{name}", getattr(self, name), shape, most)
+        _check_quaternions("shape.frames", self.frames, segments)
+
 
 class ShapeRequest(Message, frozen=True):
     """Boundary conditions of every cable; complete, so that the same request gives the same answer."""
@@ -169,6 +187,8 @@ class ShapeRequest(Message, frozen=True):
     def __post_init__(self) -> None:
         """Check ranges."""
         _check_count("problems", len(self.problems), GRASPS_MAX)
+        if self.step < 0 or self.round < 0:
+            raise MessageError(f"step and round: {self.step} and {self.round} must be 0 or more", key="step")
         if not (0 < self.tolerance < EXTENT_MAX):
             raise MessageError(f"tolerance: {self.tolerance!r} m must be positive and finite", key="tolerance")
         if not all(abs(value) < 1e4 for value in self.gravity):
@@ -227,6 +247,11 @@ class StartRun(Message, frozen=True):
     """Control to environment: begin to step once so many recorders have joined."""
 
     recorders: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the range."""
+        if not 0 <= self.recorders <= GRASPS_MAX:
+            raise MessageError(f"recorders: {self.recorders} must lie within 0 and {GRASPS_MAX}", key="recorders")
 
 
 class Pause(Message, frozen=True):
@@ -311,6 +336,15 @@ class TouchPoints(Part, frozen=True):
     point: np.ndarray  # (c, 3) m, on the body
     force: np.ndarray  # (c, 3) N, on the cable
 
+    def __post_init__(self) -> None:
+        """Check shapes and ranges."""
+        count = len(self.s)
+        _check_floats("touching.s", self.s, (count,), EXTENT_MAX)
+        _check_floats("touching.point", self.point, (count, 3), EXTENT_MAX)
+        _check_floats("touching.force", self.force, (count, 3), HUGE)
+        _check_integers("touching.cable", self.cable, count, 0, GRASPS_MAX)
+        _check_integers("touching.body", self.body, count, -1, 10_000)
+
 
 class Frame(Message, frozen=True):
     """One time step as it ended: for looking and for the record."""
@@ -331,6 +365,15 @@ class Frame(Message, frozen=True):
     collisions: tuple[tuple[str, str], ...]  # pairs of links or bodies of the robot and scene that touch
     torque_ratio: float  # largest static joint torque over its limit; 0 without a robot
     bill: Bill
+
+    def __post_init__(self) -> None:
+        """Check shapes and ranges."""
+        _check_floats("joints", self.joints, (len(self.joints),), EXTENT_MAX)
+        _check_floats("poses", self.poses, (len(self.poses), 7), EXTENT_MAX)
+        _check_quaternions("poses", np.ascontiguousarray(self.poses[:, 3:]), len(self.poses))
+        for name in ("time", "penetration", "grasp_error", "torque_ratio"):
+            if not abs(getattr(self, name)) < HUGE:
+                raise MessageError(f"{name}: {getattr(self, name)!r} must be finite, and below {HUGE:g}", key=name)
 
 
 class Finished(Message, frozen=True):

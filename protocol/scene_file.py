@@ -31,9 +31,23 @@ def read(data: bytes) -> Scene:
         scene = msgspec.json.decode(data, type=Scene)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SceneError(f"not a resolved scene: {error}; write one with 'cablecosim check SCENE --resolve FILE.json'") from error
+    _check_fields(msgspec.json.decode(data), msgspec.to_builtins(scene), "")
     check_bounds(scene)
     check_scene(scene)
     return scene
+
+
+def _check_fields(given: Any, known: Any, key: str) -> None:
+    """Refuse a field that the scene types do not have, wherever it stands."""
+    if isinstance(given, dict):
+        for name, value in given.items():
+            place = f"{key}.{name}" if key else name
+            if name not in known:
+                raise SceneError(f"{place}: unknown key; there are {', '.join(known)}", key=place)
+            _check_fields(value, known[name], place)
+    elif isinstance(given, list):
+        for index, (value, same) in enumerate(zip(given, known, strict=True)):
+            _check_fields(value, same, f"{key}[{index}]")
 
 
 def check_bounds(value: Any, key: str = "") -> None:

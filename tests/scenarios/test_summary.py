@@ -27,7 +27,7 @@ def test_a_summary_holds_the_extremes_of_the_run(tmp_path: Path) -> None:
 
     assert found["steps"] == found["steps_planned"] == 3
     assert found["complete"]
-    assert found["steps_per_second"] == pytest.approx(250.0)  # the median; neither the start posture nor the hold-up counts
+    assert found["steps_per_second"] == pytest.approx(3 / 9.006)  # hard steps count in full, the start posture does not
     assert found["bill_ms"] == pytest.approx({"solve": 4.0, "search": 0, "robot": 0, "encode": 0, "wire": 0, "wait": 0, "total": 4.0})
     assert found["wall_s"] == 12.5
     assert (found["worst_penetration_m"], found["worst_grasp_error_m"], found["worst_error_estimate_m"]) == (2e-6, 2e-8, 1e-4)
