@@ -20,6 +20,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .chain import carried_forces as carried_forces
+from .chain import directors as directors
+from .chain import positions as positions
+from .chain import retract as retract
 from .closing import close as close
 from .contact_geometry import contact_geometry as contact_geometry
 
@@ -95,51 +99,6 @@ def _vertex(qa, qb, cell, law, rho, ga, gb, haa, hab, hbb, work):  # type: ignor
             hab[i, j] = -ab - half * (vi * gb[j] - ga[i] * vj) - (p[i, j] - ci * vj - vi * cj)
         hbb[i, i] -= spread
         haa[i, i] -= spread
-
-
-@njit(cache=True)
-def directors(frames):  # type: ignore[no-untyped-def]
-    """Directors of every segment: (n-1, 3, 3), rows d1, d2, d3."""
-    count = frames.shape[0]
-    out = np.empty((count, 3, 3))
-    for j in range(count):
-        x, y, z, w = frames[j, 0], frames[j, 1], frames[j, 2], frames[j, 3]
-        out[j, 0, 0], out[j, 0, 1], out[j, 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)
-        out[j, 1, 0], out[j, 1, 1], out[j, 1, 2] = 2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)
-        out[j, 2, 0], out[j, 2, 1], out[j, 2, 2] = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
-    return out
-
-
-@njit(cache=True)
-def positions(tangents, lengths, base, origin):  # type: ignore[no-untyped-def]
-    """Nodes (n, 3) from the tangents (n-1, 3), with node `base` at `origin`."""
-    count = lengths.shape[0]
-    out = np.empty((count + 1, 3))
-    out[base] = origin
-    for j in range(base, count):
-        for k in range(3):
-            out[j + 1, k] = out[j, k] + lengths[j] * tangents[j, k]
-    for j in range(base - 1, -1, -1):
-        for k in range(3):
-            out[j, k] = out[j + 1, k] - lengths[j] * tangents[j, k]
-    return out
-
-
-@njit(cache=True)
-def carried_forces(forces, base):  # type: ignore[no-untyped-def]
-    """Force that each segment hands towards the base: (n-1, 3) from the node forces (n, 3)."""
-    count = forces.shape[0] - 1
-    out = np.empty((count, 3))
-    for k in range(3):
-        total = 0.0
-        for j in range(count - 1, base - 1, -1):
-            total += forces[j + 1, k]
-            out[j, k] = total
-        total = 0.0
-        for j in range(base):
-            total -= forces[j, k]
-            out[j, k] = total
-    return out
 
 
 @njit(cache=True)
@@ -288,22 +247,3 @@ def _invert(block, out):  # type: ignore[no-untyped-def]
     out[1, 0], out[1, 1], out[1, 2] = x / det, (a * f - c * c) / det, (b * c - a * e) / det
     out[2, 0], out[2, 1], out[2, 2] = y / det, (b * c - a * e) / det, minor / det
     return (1 if a < 0 else 0) + (1 if minor / a < 0 else 0) + (1 if det / minor < 0 else 0)
-
-
-@njit(cache=True)
-def retract(frames, turn):  # type: ignore[no-untyped-def]
-    """Frames turned by the rotation vectors `turn` (n-1, 3) in their own axes, with unit length."""
-    out = np.empty_like(frames)
-    for j in range(frames.shape[0]):
-        t0, t1, t2 = 0.5 * turn[j, 0], 0.5 * turn[j, 1], 0.5 * turn[j, 2]
-        angle = np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-        s = np.sin(angle) / angle if angle > 1e-8 else 1.0 - angle * angle / 6.0
-        bx, by, bz, bw = s * t0, s * t1, s * t2, np.cos(angle)
-        ax, ay, az, aw = frames[j, 0], frames[j, 1], frames[j, 2], frames[j, 3]
-        x = aw * bx + ax * bw + ay * bz - az * by
-        y = aw * by - ax * bz + ay * bw + az * bx
-        z = aw * bz + ax * by - ay * bx + az * bw
-        w = aw * bw - ax * bx - ay * by - az * bz
-        scale = 1.0 / np.sqrt(x * x + y * y + z * z + w * w)
-        out[j, 0], out[j, 1], out[j, 2], out[j, 3] = scale * x, scale * y, scale * z, scale * w
-    return out

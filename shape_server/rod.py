@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from .border import Border, curvature_rows
+from .couples import add_couples, couples_of
 from .mesh import Mesh
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ def unbalanced(rod: Rod, state: State, view: View) -> float:
     """Largest unbalanced couple of a segment over its length [N]."""
     carried = rod.path.carried_forces(node_forces(rod, state, view), rod.base)
     gradient = rod.path.assemble(state.frames, view.axes, rod.mesh.lengths, rod.law, rod.clamp_of_node, rod.clamp_frames, carried)[0]
-    _add_couples(gradient, _couples(rod, view), -state.push)
+    add_couples(gradient, couples_of(rod.touch, view), -state.push)
     return float((np.abs(gradient).max(axis=1) / rod.mesh.lengths).max())
 
 
@@ -189,8 +190,8 @@ def newton_step(rod: Rod, state: State, view: View, *, softness: tuple[float, fl
     carried = rod.path.carried_forces(node_forces(rod, state, view), rod.base)
     gradient, diagonal, upper = rod.path.assemble(state.frames, view.axes, lengths, rod.law, rod.clamp_of_node, rod.clamp_frames, carried)
     _fix_gauge(rod, diagonal, shift)
-    couples = _couples(rod, view)
-    _add_couples(gradient, couples, -state.push)
+    couples = couples_of(rod.touch, view)
+    add_couples(gradient, couples, -state.push)
     border = _border(rod, state, view, softness)
     right = np.empty((len(lengths), 3, border.count + 1))
     matrix = rod.path.columns(view.axes, lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
@@ -280,28 +281,6 @@ def _fix_gauge(rod: Rod, diagonal: np.ndarray, shift: float) -> None:
     if len(rod.clamp_frames) == 0:
         segment = min(rod.base, len(rod.mesh.lengths) - 1)
         diagonal[segment, 2, 2] += rod.law[2] / rod.length
-
-
-@dataclass(frozen=True)
-class _Couples:
-    """Moments of contact forces about the axis: the force acts at the feature, not at the axis."""
-
-    row: np.ndarray  # (c,) int, contacts with a couple
-    element: np.ndarray  # (c,) int, segments
-    arm: np.ndarray  # (c, 2) m, change of the gap with the rotation of the segment about d1 and d2
-
-
-def _couples(rod: Rod, view: View) -> _Couples:
-    row = np.flatnonzero(view.numbers[:, 2])
-    element = rod.touch.element[row] if rod.touch is not None else np.zeros(0, dtype=np.int64)
-    first = np.einsum("ij,ij->i", view.normal[row], view.axes[element, 0])
-    second = np.einsum("ij,ij->i", view.normal[row], view.axes[element, 1])
-    return _Couples(row, element, view.numbers[row, 2, None] * np.column_stack([-second, first]))
-
-
-def _add_couples(gradient: np.ndarray, couples: _Couples, push: np.ndarray) -> None:
-    """Add the couples of the forces `push` (m,) to a gradient (n-1, 3)."""
-    np.add.at(gradient, (couples.element[:, None], np.array([0, 1])), push[couples.row, None] * couples.arm)
 
 
 def _share(forces: np.ndarray, element: np.ndarray, fraction: np.ndarray, force: np.ndarray) -> None:

@@ -10,16 +10,17 @@ from typing import Final
 
 import numpy as np
 
-from protocol.kinds import FRICTION_CODES, Friction, Hold, Outcome
-from protocol.messages import Cost, Problem, Shape
+from protocol.kinds import Outcome
+from protocol.messages import Problem, Shape
 from protocol.scene import Vector
 
 from . import effects, numpy_path, reading
+from .answer import catenary_shape, no_shape, rod_shape
 from .cold import curve_frames
 from .equilibrium import Progress, Settled, kick, relax, settle, step_near
-from .hanging import solve_hanging
 from .mesh import Mesh, even, from_nodes, halved
-from .rod import Held, Rod, State, start_state, unbalanced
+from .rod import Rod, State, start_state
+from .system import make_rod
 
 LEVELS: Final = (25, 50, 100, 200, 400, 800)
 """Segments tried on a cold start, until the error estimate is within the tolerance."""
@@ -51,10 +52,10 @@ def solve(
     used = effects.asked_for(problem, gravity)
     begun = time.perf_counter()
     if "bending" not in used:
-        return _catenary(problem, gravity, tolerance, used, begun)
+        return catenary_shape(problem, gravity, tolerance, used, begun)
     sentence = _too_far(problem)
     if sentence:
-        return _no_shape(problem, used, Outcome.UNREACHABLE, sentence, "rod", time.perf_counter() - begun)
+        return no_shape(problem, used, Outcome.UNREACHABLE, sentence, "rod", time.perf_counter() - begun)
     task = _Task(problem, gravity, tolerance, used, path, progress)
     if problem.start is not None:
         return _warm(task, begun)
@@ -69,54 +70,6 @@ class _Task:
     used: tuple[str, ...]
     path: ModuleType
     progress: Progress
-
-
-def make_rod(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, path: ModuleType) -> Rod:
-    """The system of equations of a problem on a mesh: the sum of what the effects in use add."""
-    grasps, cable = problem.grasps, problem.cable
-    loads, law = np.zeros((len(mesh.s), 3)), np.zeros(3)
-    for name in used:
-        effect = effects.load(name)
-        if hasattr(effect, "node_loads"):
-            loads += effect.node_loads(mesh.lengths, cable, gravity)
-        if hasattr(effect, "stiffness"):
-            law += effect.stiffness(cable)
-    clamps = [k for k, hold in enumerate(grasps.hold) if hold is Hold.CLAMP]
-    clamp_of_node = np.full(len(mesh.s), -1, dtype=np.int64)
-    clamp_of_node[mesh.grasp_nodes[clamps]] = np.arange(len(clamps))
-    element, fraction = mesh.locate(grasps.s[1:])
-    forces = problem.start.grasp_forces[1:] if problem.start is not None else np.zeros((len(element), 3))
-    held = Held(element, fraction, grasps.position[1:], np.zeros((len(element), 3)), forces)
-    touch = None
-    if problem.contacts is not None:
-        codes = problem.contacts.friction
-        if "bond" in used:
-            bonds = effects.load("bond").rows(problem.contacts, np.flatnonzero(codes == FRICTION_CODES.index(Friction.BOND)), mesh)
-            held = Held(
-                *(
-                    np.concatenate(pair)
-                    for pair in zip(_fields(held), (bonds.element, bonds.fraction, bonds.anchor, bonds.normal, bonds.force), strict=True)
-                )
-            )
-        if "contact" in used:
-            touch = effects.load("contact").rows(problem.contacts, np.flatnonzero(codes == FRICTION_CODES.index(Friction.NONE)), mesh)
-    return Rod(
-        mesh=mesh,
-        base=int(mesh.grasp_nodes[0]),
-        origin=grasps.position[0],
-        clamp_of_node=clamp_of_node,
-        clamp_frames=np.ascontiguousarray(grasps.quaternion[clamps]),
-        law=law,
-        loads=loads,
-        weight=float(np.linalg.norm(loads.sum(axis=0))),
-        held=held,
-        touch=touch,
-        path=path,
-    )
-
-
-def _fields(held: Held) -> tuple[np.ndarray, ...]:
-    return (held.element, held.fraction, held.goal, held.normal, held.force)
 
 
 def _warm(task: _Task, begun: float) -> Shape:
@@ -136,7 +89,7 @@ def _warm(task: _Task, begun: float) -> Shape:
     solved = time.perf_counter()
     coarse_rod = make_rod(task.problem, task.gravity, task.used, halved(mesh), task.path)
     coarse = step_near(coarse_rod, _transfer(coarse_rod, rod, found.state))
-    return _shape(task, rod, found, sentence, _estimate(coarse_rod, coarse, rod, found), (begun, solved))
+    return rod_shape(task.problem, task.used, rod, found, sentence, _estimate(coarse_rod, coarse, rod, found), (begun, solved))
 
 
 def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
@@ -156,7 +109,7 @@ def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0
         spent += after.iterations
         if not (after.is_converged and after.is_stable):
             outcome = Outcome.UNSTABLE if after.is_converged else Outcome.NOT_CONVERGED
-            return _no_shape(problem, task.used, outcome, f"cold start: {after.why}", "rod", time.perf_counter() - begun, spent)
+            return no_shape(problem, task.used, outcome, f"cold start: {after.why}", "rod", time.perf_counter() - begun, spent)
         error = _estimate(rod, found, next_rod, after) if rod is not None and found is not None else math.inf
         rod, found = next_rod, after
         solved = time.perf_counter()
@@ -170,7 +123,7 @@ def _cold(task: _Task, begun: float, *, mesh: Mesh | None = None, spent: int = 0
         sentence = (
             f"cold start; the error estimate of {error:.2g} m is above the tolerance of {task.tolerance:.2g} m on {len(rod.mesh.s)} nodes"
         )
-    return _shape(task, rod, replace(found, iterations=spent), sentence, error, (begun, solved))
+    return rod_shape(task.problem, task.used, rod, replace(found, iterations=spent), sentence, error, (begun, solved))
 
 
 def _from_grasps(task: _Task, rod: Rod) -> Settled:
@@ -240,84 +193,6 @@ def _estimate(coarse_rod: Rod, coarse: Settled, rod: Rod, found: Settled) -> flo
     return float(np.linalg.norm(apart, axis=1).max()) / 3
 
 
-def _shape(task: _Task, rod: Rod, found: Settled, sentence: str, error: float, times: tuple[float, float]) -> Shape:
-    problem, state, view = task.problem, found.state, found.view
-    curvature, moments = reading.curvature_and_moments(rod, state)
-    grasp_count = len(problem.grasps.s)
-    wrenches = np.zeros((grasp_count, 6))
-    wrenches[1:, :3] = state.force[: grasp_count - 1]
-    clamps = [k for k, hold in enumerate(problem.grasps.hold) if hold is Hold.CLAMP]
-    wrenches[clamps, 3:] = moments
-    contact_count = 0 if problem.contacts is None else len(problem.contacts.s)
-    contact_forces, contact_s = np.zeros((contact_count, 3)), np.zeros(contact_count)
-    if problem.contacts is not None:
-        contact_s[:] = problem.contacts.s
-        contact_forces[problem.contacts.friction == FRICTION_CODES.index(Friction.BOND)] = state.force[grasp_count - 1 :]
-        if rod.touch is not None:
-            np.add.at(contact_forces, rod.touch.index, state.push[:, None] * view.push)
-            contact_s = _slid(rod, state, contact_s)
-    wrenches[0, :3] = -(rod.loads.sum(axis=0) + wrenches[1:, :3].sum(axis=0) + contact_forces.sum(axis=0))
-    return Shape(
-        s=rod.mesh.s,
-        nodes=view.nodes,
-        frames=state.frames,
-        tension=reading.tension(rod, state, view),
-        curvature=curvature,
-        grasp_wrenches=wrenches,
-        contact_forces=contact_forces,
-        contact_s=contact_s,
-        outcome=Outcome.CONVERGED,
-        sentence=sentence,
-        model="rod",
-        effects=task.used,
-        error=error if math.isfinite(error) else None,
-        residual=unbalanced(rod, state, view),
-        iterations=found.iterations,
-        is_stable=found.is_stable,
-        cost=Cost(
-            solve=times[1] - times[0],
-            estimate=time.perf_counter() - times[1],
-            path="numpy" if rod.path is numpy_path else "numba",
-        ),
-    )
-
-
-def _slid(rod: Rod, state: State, s: np.ndarray) -> np.ndarray:
-    """Where along the cable every contact is (m,) [m]: the middle of its rows, by their forces; where it was if it is open."""
-    assert rod.touch is not None
-    place = rod.mesh.s[rod.touch.element] + state.fraction * rod.mesh.lengths[rod.touch.element]
-    force = np.bincount(rod.touch.index, weights=state.push, minlength=len(s))
-    moment = np.bincount(rod.touch.index, weights=state.push * place, minlength=len(s))
-    return np.where(force > 0.0, moment / np.where(force > 0.0, force, 1.0), s)
-
-
-def _catenary(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
-    hanging = solve_hanging(problem, gravity, tolerance)
-    if hanging.outcome is not Outcome.CONVERGED:
-        return _no_shape(problem, used, hanging.outcome, hanging.sentence, "catenary", time.perf_counter() - begun)
-    wrenches = np.zeros((len(problem.grasps.s), 6))
-    wrenches[:, :3] = hanging.grasp_forces
-    return Shape(
-        s=hanging.mesh.s,
-        nodes=hanging.nodes,
-        frames=hanging.frames,
-        tension=hanging.tension,
-        curvature=hanging.curvature,
-        grasp_wrenches=wrenches,
-        contact_forces=hanging.contact_forces,
-        contact_s=problem.contacts.s if problem.contacts is not None else np.zeros(0),
-        outcome=Outcome.CONVERGED,
-        sentence=hanging.sentence,
-        model="catenary",
-        effects=used,
-        error=hanging.sag,
-        residual=0.0,
-        iterations=0,
-        is_stable=True,
-        cost=Cost(solve=time.perf_counter() - begun, estimate=0.0, path="closed form"),
-    )
-
-
 def _too_far(problem: Problem) -> str:
     """Why the held points cannot be reached; empty if they can."""
     grasps = problem.grasps
@@ -326,28 +201,3 @@ def _too_far(problem: Problem) -> str:
         if chord > span * (1 - 1e-12):
             return f"grasps {k} and {k + 1} are {chord:.9g} m apart, with {span:.9g} m of cable between them; bring them closer together"
     return ""
-
-
-def _no_shape(
-    problem: Problem, used: tuple[str, ...], outcome: Outcome, sentence: str, model: str, seconds: float, iterations: int = 0
-) -> Shape:
-    """An answer without a shape: its arrays are empty, so that nobody can take it for one."""
-    return Shape(
-        s=np.zeros(0),
-        nodes=np.zeros((0, 3)),
-        frames=np.zeros((0, 4)),
-        tension=np.zeros(0),
-        curvature=np.zeros(0),
-        grasp_wrenches=np.zeros((len(problem.grasps.s), 6)),
-        contact_forces=np.zeros((0, 3)),
-        contact_s=np.zeros(0),
-        outcome=outcome,
-        sentence=f"{sentence}. {outcome.advice}",
-        model=model,
-        effects=used,
-        error=None,
-        residual=0.0,
-        iterations=iterations,
-        is_stable=False,
-        cost=Cost(solve=seconds, estimate=0.0, path="none"),
-    )

@@ -68,20 +68,13 @@ def test_the_page_is_of_this_version_and_has_its_limits() -> None:
 
 
 def test_the_waits_on_the_page_are_those_of_the_programs() -> None:
-    from env_server import asking, server
+    from env_server import __main__, asking, server
     from viz_client import client
 
     waits = re.findall(r"^\| [^|]+ \| (\d+) s \|", PAGE, re.MULTILINE)
-    named = (
-        server.SHAPE_SERVER_LIMIT,
-        asking.SILENCE,
-        asking.PATIENCE,
-        server.RECORDERS_LIMIT,
-        server.LINGER,
-        client.START_LIMIT,
-        client.SILENCE,
-    )
-    assert [float(wait) for wait in waits] == list(named)
+    patience = __main__._parser().get_default("patience")
+    of_environment = (patience, asking.SILENCE, patience, server.RECORDERS_LIMIT, server.LINGER)
+    assert [float(wait) for wait in waits] == [*of_environment, client.START_LIMIT, client.SILENCE]
 
 
 def test_the_hello_on_the_page_is_one() -> None:

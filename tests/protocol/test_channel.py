@@ -18,7 +18,7 @@ from every_message import request
 from protocol import PROJECT, VERSION
 from protocol.channel import SIZE_MAX, Client, Publisher, Server, Subscriber, check_address, private_directory
 from protocol.codec import encode
-from protocol.errors import AddressError, PeerLostError, VersionError
+from protocol.errors import AddressError, MessageError, PeerLostError, VersionError
 from protocol.messages import Done, Error, Finished, Hello, Statistics, StatisticsRequest, Stop, Welcome
 
 LIMIT = 20.0  # s for anything that should take milliseconds
@@ -229,6 +229,11 @@ def test_a_message_above_the_limit_hangs_up_on_its_sender_and_others_are_still_s
         wild.send(bytes(SIZE_MAX + 1))
         assert not wild.poll(300)
         assert isinstance(other.ask(StatisticsRequest(), LIMIT), Statistics)
+
+
+def test_a_message_above_the_limit_is_refused_before_it_is_sent(server: Server) -> None:
+    with closing(Client(server.address, "test")) as client, pytest.raises(MessageError, match=r"the message has \d+\.\d MiB; at most"):
+        client.send_bytes(bytes(SIZE_MAX + 1))
 
 
 def test_what_is_no_zmq_at_all_harms_nobody() -> None:

@@ -306,6 +306,8 @@ def test_four_million_empty_maps_cost_no_more_than_this(head: bytes, most: int) 
 def test_the_key_of_an_error_is_the_field() -> None:
     assert refusal(replaced(PLAIN[0], ("tolerance",), -1.0)).key == "tolerance"
     assert refusal(replaced(PLAIN[0], ("problems", 0, "grasps", "s"), array([0.0]))).key == "grasps.s"
+    assert refusal(replaced(PLAIN[0], ("problems", 0, "cable", "length"), "long")).key == "problems[0].cable.length"
+    assert refusal(replaced(PLAIN[0], ("problems", 0, "cable", "bendng"), 1.0)).key == "problems[0].cable.bendng"
 
 
 def test_an_error_may_carry_any_sentence() -> None:

@@ -7,7 +7,7 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from every_message import CABLE, contacts, grasps, quaternions, request, solid, start
+from every_message import CABLE, contacts, frame, grasps, quaternions, request, shape, solid, start
 
 from protocol.errors import MessageError
 from protocol.kinds import Hold
@@ -117,6 +117,23 @@ def test_a_tolerance_is_positive_and_finite(tolerance: float) -> None:
 def test_a_solid_names_only_vertices_that_exist(triangles: list[list[int]]) -> None:
     with pytest.raises(MessageError, match=r"box\.triangles: names a vertex that does not exist"):
         replace(solid(), triangles=np.array(triangles))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("nodes", np.full((4, 3), np.nan)), ("nodes", np.zeros((4, 7))), ("nodes", np.zeros((3, 3))), ("frames", quaternions(4)),
+     ("frames", np.zeros((3, 4))), ("tension", np.zeros(4)), ("curvature", np.zeros(3)), ("grasp_wrenches", np.zeros((2, 3))),
+     ("contact_forces", np.zeros((3, 2))), ("contact_s", np.zeros(2)), ("s", np.zeros(4, np.int64))],
+)  # fmt: skip
+def test_a_shape_that_does_not_fit_together_is_no_message(name: str, value: np.ndarray) -> None:
+    with pytest.raises(MessageError, match=r"^shape\."):
+        replace(shape(), **{name: value})
+
+
+@pytest.mark.parametrize("poses", [np.zeros((1, 2)), np.full((1, 7), np.nan)])
+def test_a_frame_has_a_pose_for_every_solid(poses: np.ndarray) -> None:
+    with pytest.raises(MessageError, match="poses"):
+        replace(frame(), poses=poses)
 
 
 def test_a_message_cannot_be_changed() -> None:

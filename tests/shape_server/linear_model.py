@@ -15,7 +15,7 @@ from shape_server import contact_geometry as geometry
 from shape_server import effects, numpy_path
 from shape_server.mesh import even, from_nodes
 from shape_server.rod import Rod, State, View, energy, look, newton_step, start_state
-from shape_server.solve import make_rod
+from shape_server.system import make_rod
 
 rod_module = sys.modules["shape_server.rod"]
 

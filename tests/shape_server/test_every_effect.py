@@ -136,7 +136,9 @@ def test_the_hessian_is_the_second_derivative_of_the_energy(name: str, monkeypat
     rng = np.random.default_rng(10)
     for _ in range(10):
         turn = rng.normal(size=state.frames[:, :3].shape)
-        assert quadratic_form(found, turn) == pytest.approx(bend(rod, state, turn, 1e-4), rel=5e-4, abs=1e-4)  # measured 2e-8, contact 1.1e-4
+        assert quadratic_form(found, turn) == pytest.approx(
+            bend(rod, state, turn, 1e-4), rel=5e-4, abs=1e-4
+        )  # measured 2e-8, contact 1.1e-4
 
 
 @EVERY

@@ -30,14 +30,14 @@ MEASURED = {"bill", "cost", "busy", "versions"}
 
 
 class Program:
-    """One program, started as `python -m NAME ...` unless a command is given; what it prints goes to a file."""
+    """One program, started as `python -m NAME ...`; what it prints goes to a file."""
 
-    def __init__(self, box: Path, name: str, *arguments: str, command: tuple[str, ...] | None = None) -> None:
+    def __init__(self, box: Path, name: str, *arguments: str) -> None:
         self.name = name
         self._log = box / f"{name}-{time.monotonic_ns()}.log"
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
-                [sys.executable, *(command or ("-m", name)), *arguments], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+                [sys.executable, "-m", name, *arguments], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=log, stderr=log
             )
 
     @property
@@ -74,9 +74,9 @@ class Box:
         """Address of that name."""
         return f"ipc://{self.path}/{name}"
 
-    def start(self, name: str, *arguments: str, command: tuple[str, ...] | None = None) -> Program:
+    def start(self, name: str, *arguments: str) -> Program:
         """Start a program that is ended with the test."""
-        program = Program(self.path, name, *arguments, command=command)
+        program = Program(self.path, name, *arguments)
         self.programs.append(program)
         return program
 
@@ -84,11 +84,11 @@ class Box:
         """Start a shape server."""
         return self.start("shape_server", "--bind", address or self.at("shape"), "--kernels", "compiled")
 
-    def env_server(self, shape: str | None = None, *options: str, command: tuple[str, ...] | None = None) -> Program:
+    def env_server(self, shape: str | None = None, *options: str) -> Program:
         """Start an environment with the scene of these tests, on addresses in this folder."""
         addresses = [word for name in ("frames", "live", "control") for word in (f"--{name}", self.at(name))]
         scene = str(resolved(self.path))
-        return self.start("env_server", "--scene", scene, "--shape", shape or self.at("shape"), *addresses, *options, command=command)
+        return self.start("env_server", "--scene", scene, "--shape", shape or self.at("shape"), *addresses, *options)
 
     def viz_client(self, out: Path, *options: str) -> Program:
         """Start a recorder that draws nothing."""

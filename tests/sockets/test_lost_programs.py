@@ -14,16 +14,6 @@ from protocol.channel import Subscriber
 from protocol.codec import decode
 from protocol.messages import Done, Finished, Frame, Pause, Resume, StartRun, Stop
 
-IMPATIENT = (
-    "import functools, sys\n"
-    "import env_server.server as server\n"
-    "server.SHAPE_SERVER_LIMIT = 2.0\n"
-    "server.Asker = functools.partial(server.Asker, silence=0.5, patience=2.0)\n"
-    "from env_server.__main__ import main\n"
-    "sys.exit(main())\n"
-)
-"""The environment with its time-outs of a minute cut to two seconds."""
-
 
 def started(box: Box, shape: str, control: Remote, out: Path) -> Program:
     """A run that has begun, and its recorder, which has the snapshot."""
@@ -68,14 +58,14 @@ def test_a_shape_server_that_is_killed_and_started_again_costs_time_and_nothing_
 
 
 def test_a_shape_server_that_is_killed_for_good_ends_the_run_with_a_sentence(box: Box, tmp_path: Path) -> None:
-    shape, env = box.shape_server(), box.env_server(command=("-c", IMPATIENT))
+    shape, env = box.shape_server(), box.env_server(None, "--patience", "3")
     with remote(box) as control:
         viz = started(box, box.at("shape"), control, tmp_path)
         stopped_at(control, 3)
         shape.say(signal.SIGKILL)
         control.tell(Resume())
         state = control.wait_for("failed")
-        assert f"the shape server at {box.at('shape')} has been silent for 2 s" in state.sentence
+        assert f"the shape server at {box.at('shape')} has been silent for 3 s" in state.sentence
         assert viz.wait() == 0
     assert env.wait() == 1
     messages = recorded(tmp_path)
@@ -89,9 +79,9 @@ def test_a_shape_server_that_is_killed_for_good_ends_the_run_with_a_sentence(box
 
 
 def test_a_shape_server_that_never_comes_ends_the_environment_with_a_sentence_and_code_2(box: Box) -> None:
-    env = box.env_server(command=("-c", IMPATIENT))
+    env = box.env_server(None, "--patience", "3")
     assert env.wait() == 2
-    assert f"env_server: nobody answered at {box.at('shape')} within 2 s; is the program started?" in env.words
+    assert f"env_server: nobody answered at {box.at('shape')} within 3 s; is the program started?" in env.words
     assert "Traceback" not in env.words
 
 
