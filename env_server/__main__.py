@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 
 from protocol import scene_file
-from protocol.channel import private_directory
+from protocol.address import private_directory
 from protocol.errors import CablecosimError, SceneError
 from protocol.scene import Scene
 

@@ -28,22 +28,14 @@ from .distances import (
     turned,
     turned_back,
 )
+from .pairs import PAIR, measure, report, sorted_along, triple
 from .surface import Features, gather, height, hides
 
 BLOCK: Final = 8  # segments that share a bounding sphere
 CORE: Final = 1e-9  # m, distance below which the axis touches the surface
 SNAP: Final = 1e-9  # fraction of a segment within which a point counts as its node
-SAME_NORMAL: Final = float(np.cos(np.deg2rad(1.0)))
-TOGETHER: Final = 0.01  # radii, distance within which two points inside a segment count as one place
 FACE, EDGE, VERTEX = (int(feature) for feature in Feature)
 NO_DIRECTION: Final = (0.0, 0.0, 0.0)
-PAIR: Final = np.dtype(
-    [(name, np.int64) for name in ("segment", "body", "feature", "feature_id")]
-    + [(name, np.float64) for name in ("fraction", "distance")]
-    + [(name, np.float64, (3,)) for name in ("point", "normal", "direction")]
-    + [("is_crossing", np.int64)]
-)
-"""A pair found, with the fields of `touch.Candidates`; in the frame of the body until all of that body are found."""
 
 
 class Piece(NamedTuple):
@@ -117,9 +109,9 @@ def _search_body(
             shortest = min(shortest, raw[hit].distance)
         kept = begin
         for hit in range(begin, count):
-            point, distance = _triple(raw[hit].point), raw[hit].distance
+            point, distance = triple(raw[hit].point), raw[hit].distance
             if distance > shortest + CORE:
-                eye = ahead(point, _triple(raw[hit].normal), distance)
+                eye = ahead(point, triple(raw[hit].normal), distance)
                 near_count = gather(boxes, depth, eye, point, 0.0, triangles, near, stack)
                 if hides(features.planes, near[:near_count], eye, point):
                     continue
@@ -129,8 +121,8 @@ def _search_body(
     if found + count > len(hits):
         return found + 2 * count
     if count > 0:
-        _measure(raw[:count], in_reach, clearance)
-        found = _report(raw, _sorted(raw[:count]), radius, hits, found)
+        measure(raw[:count], in_reach, clearance)
+        found = report(raw, sorted_along(raw[:count]), radius, hits, found)
     return found
 
 
@@ -172,7 +164,7 @@ def _search_face(
 ) -> int:
     """Nodes over a triangle and crossings of it, from the heights of both nodes over its plane and inside its sides."""
     start, end, (high_start, high_end), name = piece.start, piece.end, highs, features.triangle_ids[triangle]
-    normal, upward = _triple(features.planes[triangle, 0]), _upward(features.planes, triangle, piece)
+    normal, upward = triple(features.planes[triangle, 0]), _upward(features.planes, triangle, piece)
     if min(starts) >= -ROUNDING:
         count = _record(hits, count, piece, 0.0, FACE, name, ahead(start, normal, -high_start), upward, NO_DIRECTION)
     if min(ends) >= -ROUNDING and piece.owns_end:
@@ -190,7 +182,7 @@ def _upward(planes: np.ndarray, triangle: int, piece: Piece) -> Triple:
     """Normal of a triangle, to the side of the segment's first node, or of its second if the first is in the plane."""
     high = height(planes, triangle, 0, piece.start)
     high = high if abs(high) > CORE else height(planes, triangle, 0, piece.end)
-    return ahead(NO_DIRECTION, _triple(planes[triangle, 0]), 1.0 if high >= 0.0 else -1.0)
+    return ahead(NO_DIRECTION, triple(planes[triangle, 0]), 1.0 if high >= 0.0 else -1.0)
 
 
 @kernel
@@ -238,79 +230,12 @@ def _record(
 
 
 @kernel
-def _measure(hits: np.ndarray, in_reach: np.ndarray, clearance: np.ndarray) -> None:
-    """Lower the clearance of every segment to its nearest pair; a node counts for both of its segments."""
-    for hit in range(len(hits)):
-        segment, fraction = hits[hit].segment, hits[hit].fraction
-        for other in range(segment - (fraction == 0.0), segment + 1 + (fraction == 1.0)):
-            if 0 <= other < len(in_reach) and in_reach[other]:
-                clearance[other] = min(clearance[other], hits[hit].distance)
-
-
-@kernel
-def _place(hits: np.ndarray, hit: int) -> int:
-    """Twice the node, or the odd number between two nodes."""
-    return int(2 * hits[hit].segment + (0 if hits[hit].fraction == 0.0 else (2 if hits[hit].fraction == 1.0 else 1)))
-
-
-@kernel
-def _sorted(hits: np.ndarray) -> np.ndarray:
-    """Order along the cable, the nearest first; of equals the face. Quick because pairs nearly are in order."""
-    order = np.empty(len(hits), np.int64)
-    for hit in range(len(hits)):
-        place, distance, slot = _place(hits, hit), hits[hit].distance + ROUNDING * hits[hit].feature, hit
-        while slot > 0:
-            other = order[slot - 1]
-            behind = _place(hits, other)
-            if behind < place or (behind == place and hits[other].distance + ROUNDING * hits[other].feature <= distance):
-                break
-            order[slot] = other
-            slot -= 1
-        order[slot] = hit
-    return order
-
-
-@kernel
-def _report(raw: np.ndarray, order: np.ndarray, radius: float, hits: np.ndarray, found: int) -> int:
-    """Copy the pairs that say something new."""
-    first, place = found, -1
-    for hit in order:
-        if _place(raw, hit) != place:
-            first, place = found, _place(raw, hit)
-        is_new = True
-        for other in range(first, found):
-            is_new = is_new and not _is_double(raw, hit, hits, other, place, radius)
-        if is_new:
-            hits[found] = raw[hit]
-            found += 1
-    return found
-
-
-@kernel
-def _is_double(raw: np.ndarray, hit: int, hits: np.ndarray, other: int, place: int, radius: float) -> bool:
-    """Do two pairs at one node, or close together inside a segment, say the same?"""
-    if place % 2 == 1:
-        here = ahead(_triple(raw[hit].point), _triple(raw[hit].normal), raw[hit].distance)
-        there = ahead(_triple(hits[other].point), _triple(hits[other].normal), hits[other].distance)
-        if length(minus(here, there)) > TOGETHER * radius:
-            return False
-    if raw[hit].is_crossing and hits[other].is_crossing:
-        return True
-    return dot(_triple(raw[hit].normal), _triple(hits[other].normal)) > SAME_NORMAL
-
-
-@kernel
 def _to_world(hits: np.ndarray, first: int, last: int, axes: tuple[Triple, Triple, Triple], origin: Triple) -> None:
     for hit in hits[first:last]:
-        point = ahead(turned(axes, _triple(hit.point)), origin, 1.0)
+        point = ahead(turned(axes, triple(hit.point)), origin, 1.0)
         hit.point[0], hit.point[1], hit.point[2] = point
-        hit.normal[0], hit.normal[1], hit.normal[2] = turned(axes, _triple(hit.normal))
-        hit.direction[0], hit.direction[1], hit.direction[2] = turned(axes, _triple(hit.direction))
-
-
-@kernel
-def _triple(values: np.ndarray) -> Triple:
-    return (values[0], values[1], values[2])
+        hit.normal[0], hit.normal[1], hit.normal[2] = turned(axes, triple(hit.normal))
+        hit.direction[0], hit.direction[1], hit.direction[2] = turned(axes, triple(hit.direction))
 
 
 @kernel

@@ -29,7 +29,8 @@ import numpy as np
 from protocol.errors import SceneError
 
 from . import edges
-from .hits import EDGE, FACE, PAIR, VERTEX, find_hits
+from .hits import EDGE, FACE, VERTEX, find_hits
+from .pairs import PAIR
 from .poses import turn_inside, turn_outside
 from .surface import Surface, join
 
@@ -183,7 +184,7 @@ def is_compiled() -> bool:
     if dispatcher.signatures:
         return True
     module, here = str(dispatcher.py_func.__module__).rpartition(".")[2], Path(__file__).parent
-    changed = max((here / f"{name}.py").stat().st_mtime for name in (module, "distances", "surface"))
+    changed = max((here / f"{name}.py").stat().st_mtime for name in (module, "pairs", "distances", "surface"))
     indices = Path(dispatcher.stats.cache_path).glob(f"{module}.find_hits-*.nbi")
     return any(index.stat().st_mtime >= changed for index in indices)
 

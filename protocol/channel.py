@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import fcntl
 import os
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Final
 
 import zmq
 
 from . import PROJECT, VERSION
+from .address import check_address
 from .codec import decode, encode
 from .errors import AddressError, CablecosimError, MessageError, PeerLostError, VersionError
 from .messages import AnyMessage, Error, Hello, Message, Welcome
@@ -27,42 +26,6 @@ SIZE_MAX: Final = 32 * 2**20  # bytes of a request or reply; 20 000 nodes take 4
 SNAPSHOT_SIZE_MAX: Final = 256 * 2**20  # bytes of a message from the environment, which may hold meshes
 HEARTBEAT: Final = 500  # ms between ZMTP heartbeats; a frozen or vanished peer is dropped after three
 HANDSHAKE: Final = 2000  # ms for a new connection to speak ZMTP
-LOOPBACK: Final = ("127.0.0.1", "localhost")
-
-
-def private_directory() -> Path:
-    """A new directory that only this user can enter, for ipc sockets."""
-    return Path(tempfile.mkdtemp(prefix="cablecosim-"))
-
-
-def check_address(address: str) -> None:
-    """Refuse an address that is malformed or that others could reach.
-
-    Raises:
-        AddressError: Names the address and what would be right.
-    """
-    scheme, _, rest = address.partition("://")
-    if scheme == "ipc" and rest:
-        if len(rest.encode()) > 100:
-            raise AddressError(f"address '{address}': an ipc path may have at most 100 bytes; use a shorter one", key=address)
-        return
-    host, port = _host_and_port(address) if scheme == "tcp" else (None, None)
-    if host in LOOPBACK and port is not None:
-        return
-    if host not in (None, *LOOPBACK):
-        raise AddressError(
-            f"address '{address}': {host} can be reached by others, and encryption is not built; use tcp://127.0.0.1:PORT", key=address
-        )
-    raise AddressError(f"address '{address}': must be ipc://PATH or tcp://127.0.0.1:PORT", key=address)
-
-
-def _host_and_port(address: str) -> tuple[str | None, str | None]:
-    """Host and port of a tcp address; None for a port that is none."""
-    host, colon, port = address.removeprefix("tcp://").rpartition(":")
-    if not colon:
-        return (port or None), None
-    is_port = port == "*" or (port.isascii() and port.isdigit() and int(port) <= 65535)
-    return (host or None), (port if is_port else None)
 
 
 class _Bound:

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Final
 
 from protocol import recording, scene_file
-from protocol.channel import Client, Subscriber, private_directory
+from protocol.address import private_directory
+from protocol.channel import Client, Subscriber
 from protocol.codec import decode
 from protocol.errors import CablecosimError, PeerLostError, RecordingError, SceneError
 from protocol.messages import AnyMessage, Done, Error, Frame, Message, StartRun, Statistics, StatisticsRequest, Stop

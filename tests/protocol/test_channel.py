@@ -16,7 +16,8 @@ import zmq
 from every_message import request
 
 from protocol import PROJECT, VERSION
-from protocol.channel import SIZE_MAX, Client, Publisher, Server, Subscriber, check_address, private_directory
+from protocol.address import check_address, private_directory
+from protocol.channel import SIZE_MAX, Client, Publisher, Server, Subscriber
 from protocol.codec import encode
 from protocol.errors import AddressError, MessageError, PeerLostError, VersionError
 from protocol.messages import Done, Error, Finished, Hello, Statistics, StatisticsRequest, Stop, Welcome

@@ -14,7 +14,7 @@ from stand_in import StandIn
 from synthetic import FINISHED, SNAPSHOT, frame, frames, write_run
 
 from protocol import recording
-from protocol.channel import private_directory
+from protocol.address import private_directory
 from protocol.codec import encode
 from protocol.errors import PeerLostError, RecordingError
 from protocol.messages import Finished, Stop
