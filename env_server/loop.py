@@ -184,8 +184,8 @@ class Loop:
         cables = []
         for index, (cable, grasp) in enumerate(zip(before.cables, grasps, strict=True)):
             boundary = cable.boundary.drawn_through(grasp, goal.surfaces)
-            bodies, links = self._search(index, cable.shape, goal, cable) if len(cable.links.body) else (cable.bodies, cable.links)
-            cables.append(replace(cable, boundary=boundary, bodies=bodies, links=links))
+            links = self._search_links(index, cable.shape, goal, cable) if len(cable.links.body) else cable.links
+            cables.append(replace(cable, boundary=boundary, links=links))
         self._meter.search += time.perf_counter() - begun
         return cables
 
@@ -218,15 +218,19 @@ class Loop:
         bodies = self._stage.touch_bodies.search(
             shape.nodes, goal.surfaces[:count], radius, self._reach, previous=previous.bodies if previous is not None else None
         )
-        links = self._stage.touch_links.search(
+        return bodies, self._search_links(index, shape, goal, previous)
+
+    def _search_links(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
+        """Places within reach on the robot's links."""
+        cable = self._stage.scene.cables[index]
+        return self._stage.touch_links.search(
             shape.nodes,
-            goal.surfaces[count:],
-            radius,
+            goal.surfaces[self._stage.body_count :],
+            0.5 * cable.diameter,
             self._reach_links,
             excluded=self._stage.excluded(cable.name, shape.s),
             previous=previous.links if previous is not None else None,
         )
-        return bodies, links
 
     def _may_have_passed(self, before: Stepped, goal: Posture, after: tuple[Hanging, ...]) -> bool:
         """Whether a segment moved further than its distance to the nearest body was."""

@@ -37,5 +37,9 @@ def farthest_move(before: np.ndarray, after: np.ndarray, extent: np.ndarray) -> 
 
 
 def _turned(axis: np.ndarray, scalar: float, vector: np.ndarray) -> np.ndarray:
-    turned: np.ndarray = vector + 2.0 * np.cross(axis, np.cross(axis, vector) + scalar * vector)
-    return turned
+    # Plain floats: for one vector they are ten times faster than arrays.
+    x, y, z = axis.tolist()
+    u, v, w = vector.tolist()
+    scalar = float(scalar)
+    a, b, c = y * w - z * v + scalar * u, z * u - x * w + scalar * v, x * v - y * u + scalar * w
+    return np.array([u + 2.0 * (y * c - z * b), v + 2.0 * (z * a - x * c), w + 2.0 * (x * b - y * a)])

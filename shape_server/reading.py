@@ -42,11 +42,13 @@ def _moment(sigma: np.ndarray, moment: np.ndarray, frame: np.ndarray) -> np.ndar
 
     The gradient of the vertex energy with respect to a turn of the later frame, in that frame's axes, turned to the world.
     """
-    s = sigma
-    cross = np.array([[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]])
-    slope = 0.25 * ((1 - s @ s) * np.eye(3) + 2 * cross + 2 * np.outer(s, s))
-    own = 4 * slope.T @ moment
-    x, y, z, w = frame
-    vector = np.array([x, y, z])
-    turned: np.ndarray = own + 2 * np.cross(vector, np.cross(vector, own) + w * own)
-    return turned
+    s0, s1, s2 = sigma.tolist()
+    m0, m1, m2 = moment.tolist()
+    x, y, z, w = frame.tolist()
+    plain, along = 1.0 - s0 * s0 - s1 * s1 - s2 * s2, 2.0 * (s0 * m0 + s1 * m1 + s2 * m2)
+    # 4 B^T moment with B as in `kernels`, then turned by the frame.
+    u = plain * m0 - 2.0 * (s1 * m2 - s2 * m1) + along * s0
+    v = plain * m1 - 2.0 * (s2 * m0 - s0 * m2) + along * s1
+    t = plain * m2 - 2.0 * (s0 * m1 - s1 * m0) + along * s2
+    a, b, c = y * t - z * v + w * u, z * u - x * t + w * v, x * v - y * u + w * t
+    return np.array([u + 2.0 * (y * c - z * b), v + 2.0 * (z * a - x * c), t + 2.0 * (x * b - y * a)])

@@ -196,9 +196,10 @@ def newton_step(rod: Rod, state: State, view: View, *, softness: tuple[float, fl
     right = np.empty((len(lengths), 3, border.count + 1))
     matrix = rod.path.columns(view.axes, lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
     if len(couples.row):
-        at = border.first_contact + np.searchsorted(border.contacts, couples.row)
-        has_row = np.isin(couples.row, border.contacts)
-        matrix[couples.element[has_row], :2, at[has_row]] += couples.arm[has_row]
+        place = np.full(len(state.push), -1)
+        place[border.contacts] = np.arange(border.first_contact, border.first_contact + len(border.contacts))
+        has_row = place[couples.row] >= 0
+        matrix[couples.element[has_row], :2, place[couples.row][has_row]] += couples.arm[has_row]
     right[:, :, :-1] = matrix
     right[:, :, -1] = gradient
     solved, negative = rod.path.factor_and_solve(diagonal, upper, right)

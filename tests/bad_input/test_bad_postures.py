@@ -69,7 +69,7 @@ def test_a_number_beyond_all_cables_is_refused_with_its_key_and_value(old: str, 
 
     assert len(lines) == 1
     assert f"{key}: 1e+300" in lines[0]
-    assert "below" in lines[0]
+    assert "at most" in lines[0]
 
 
 def test_a_posture_that_is_not_there_says_so(here: Place) -> None:
