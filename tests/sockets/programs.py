@@ -18,7 +18,7 @@ import msgpack
 import scenarios
 from protocol import recording, scene_file
 from protocol.channel import Client
-from protocol.messages import AnyMessage, Statistics, StatisticsRequest, Stop
+from protocol.messages import AnyMessage, Done, Pause, Resume, StartRun, Statistics, StatisticsRequest, Stop
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = Path(__file__).parent / "scenes" / "box.toml"
@@ -135,6 +135,22 @@ class Remote:
     def wait_for(self, *states: str) -> Statistics:
         """Wait until the run is in one of these states."""
         return until(lambda: state if (state := self.state()).state in states else None)
+
+    def start_held(self, recorders: int) -> None:
+        """Start the run, and hold it before its first step; it is over so soon that a pause might come too late."""
+        self.wait_for("ready")
+        for message in (Pause(), StartRun(recorders=recorders)):
+            assert self.tell(message) == Done()
+        self.wait_for("paused")
+
+    def hold_after(self, step: int) -> int:
+        """Let a run that is held go on by a few steps at a time, until so many are done; how many they are."""
+        while (state := self.wait_for("paused", "finished", "failed")).step < step:
+            self.tell(Resume())
+            time.sleep(0.01)
+            self.tell(Pause())
+        assert state.state == "paused", "the run was over before it could be held"
+        return state.step
 
     def close(self) -> None:
         """Hang up."""

@@ -10,19 +10,15 @@ from programs import LIMIT, STEPS, Box, plain, recorded, remote, until
 from protocol import recording
 from protocol.channel import Subscriber
 from protocol.codec import decode
-from protocol.messages import Done, Finished, Frame, Pause, Resume, StartRun
+from protocol.messages import Done, Finished, Frame, Resume, StartRun
 
 
 def test_a_recorder_that_joins_in_the_middle_gets_the_snapshot_and_every_later_frame(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     early = Subscriber(box.at("frames"))
     with remote(box) as control:
-        control.wait_for("ready")
-        control.tell(StartRun(recorders=1))
-        while decode(early.receive(LIMIT) or b"").sequence < 5:
-            pass
-        assert isinstance(control.tell(Pause()), Done)
-        paused = control.wait_for("paused").step
+        control.start_held(recorders=1)
+        paused = control.hold_after(5)
         late = box.viz_client(tmp_path)
         file = tmp_path / recording.FILE_NAME
         until(lambda: (file.is_file() and file.stat().st_size > 0) or None)  # the stream is joined before the snapshot is asked for
@@ -36,7 +32,7 @@ def test_a_recorder_that_joins_in_the_middle_gets_the_snapshot_and_every_later_f
     sequences = [message["sequence"] for message in messages[1:-1]]
     assert (messages[0]["type"], messages[-1]["type"]) == ("Snapshot", "Finished")
     assert sequences == list(range(sequences[0], STEPS + 1))
-    assert 5 < sequences[0] <= STEPS
+    assert sequences[0] == paused + 1
     assert plain(file)[1]["bill"]["wait"] > 0.5  # the pause stands in the bill of the step that it held up
     assert "joined late" in late.words
 

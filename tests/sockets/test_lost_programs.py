@@ -12,14 +12,13 @@ from programs import LIMIT, STEPS, Box, Program, Remote, recorded, remote, until
 from protocol import recording
 from protocol.channel import Subscriber
 from protocol.codec import decode
-from protocol.messages import Done, Finished, Frame, Pause, Resume, StartRun, Stop
+from protocol.messages import Done, Finished, Frame, Resume, Stop
 
 
-def started(box: Box, shape: str, control: Remote, out: Path) -> Program:
-    """A run that has begun, and its recorder, which has the snapshot."""
+def started(box: Box, control: Remote, out: Path) -> Program:
+    """A run that is held before its first step, and its recorder, which has the snapshot."""
     viz = box.viz_client(out)
-    control.wait_for("ready")
-    control.tell(StartRun(recorders=1))
+    control.start_held(recorders=1)
     until(lambda: has_begun(out) or None)
     return viz
 
@@ -30,18 +29,11 @@ def has_begun(out: Path) -> bool:
     return file.is_file() and file.stat().st_size > 0
 
 
-def stopped_at(control: Remote, step: int) -> int:
-    """Hold the run after some step; the step."""
-    until(lambda: control.state().step >= step or None)
-    assert isinstance(control.tell(Pause()), Done)
-    return control.wait_for("paused").step
-
-
 def test_a_shape_server_that_is_killed_and_started_again_costs_time_and_nothing_else(box: Box, tmp_path: Path) -> None:
     first, env = box.shape_server(), box.env_server()
     with remote(box) as control:
-        viz = started(box, box.at("shape"), control, tmp_path / "disturbed")
-        assert stopped_at(control, 3) < STEPS
+        viz = started(box, control, tmp_path / "disturbed")
+        assert control.hold_after(3) < STEPS
         first.say(signal.SIGKILL)
         first.wait()
         control.tell(Resume())
@@ -52,7 +44,9 @@ def test_a_shape_server_that_is_killed_and_started_again_costs_time_and_nothing_
     assert env.wait() == 0
     env = box.env_server()
     with remote(box) as control:
-        assert started(box, box.at("shape"), control, tmp_path / "undisturbed").wait() == 0
+        viz = started(box, control, tmp_path / "undisturbed")
+        control.tell(Resume())
+        assert viz.wait() == 0
     assert env.wait() == 0
     assert recorded(tmp_path / "disturbed") == recorded(tmp_path / "undisturbed")
 
@@ -60,8 +54,8 @@ def test_a_shape_server_that_is_killed_and_started_again_costs_time_and_nothing_
 def test_a_shape_server_that_is_killed_for_good_ends_the_run_with_a_sentence(box: Box, tmp_path: Path) -> None:
     shape, env = box.shape_server(), box.env_server(None, "--patience", "3")
     with remote(box) as control:
-        viz = started(box, box.at("shape"), control, tmp_path)
-        stopped_at(control, 3)
+        viz = started(box, control, tmp_path)
+        control.hold_after(3)
         shape.say(signal.SIGKILL)
         control.tell(Resume())
         state = control.wait_for("failed")
@@ -88,8 +82,8 @@ def test_a_shape_server_that_never_comes_ends_the_environment_with_a_sentence_an
 def test_an_environment_that_is_killed_leaves_the_recorder_to_end_by_itself(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control:
-        viz = started(box, shape, control, tmp_path)
-        step = stopped_at(control, 3)
+        viz = started(box, control, tmp_path)
+        step = control.hold_after(3)
         env.say(signal.SIGKILL)
         env.wait()
     assert viz.wait() == 1
@@ -102,8 +96,8 @@ def test_an_environment_that_is_killed_leaves_the_recorder_to_end_by_itself(box:
 def test_a_run_that_is_stopped_ends_in_good_order_and_says_where(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control:
-        viz = started(box, shape, control, tmp_path)
-        step = stopped_at(control, 3)
+        viz = started(box, control, tmp_path)
+        step = control.hold_after(3)
         assert isinstance(control.tell(Stop()), Done)
         assert viz.wait() == 0
         assert env.wait() == 0
@@ -118,9 +112,8 @@ def test_a_recorder_that_is_killed_holds_nothing_up(box: Box, shape: str, tmp_pa
     env = box.env_server(shape)
     with remote(box) as control, closing(Subscriber(box.at("frames"))) as other:
         viz = box.viz_client(tmp_path)
-        control.wait_for("ready")
-        control.tell(StartRun(recorders=2))
-        step = stopped_at(control, 3)
+        control.start_held(recorders=2)
+        step = control.hold_after(3)
         until(lambda: has_begun(tmp_path) or None)
         viz.say(signal.SIGKILL)
         viz.wait()
@@ -137,8 +130,8 @@ def test_a_recorder_that_is_held_up_loses_nothing(box: Box, shape: str, tmp_path
     """Longer than the heartbeats of ZeroMQ would wait, which drop what is queued when they give up."""
     env = box.env_server(shape)
     with remote(box) as control:
-        viz = started(box, shape, control, tmp_path)
-        stopped_at(control, 3)
+        viz = started(box, control, tmp_path)
+        control.hold_after(3)
         viz.say(signal.SIGSTOP)
         control.tell(Resume())
         control.wait_for("finished")
@@ -152,8 +145,8 @@ def test_a_recorder_that_is_held_up_loses_nothing(box: Box, shape: str, tmp_path
 def test_a_terminated_environment_ends_its_run_in_good_order(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control:
-        viz = started(box, shape, control, tmp_path)
-        stopped_at(control, 3)
+        viz = started(box, control, tmp_path)
+        control.hold_after(3)
         env.say(signal.SIGTERM)
         assert env.wait() == 0
         assert viz.wait() == 0
