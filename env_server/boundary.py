@@ -26,6 +26,8 @@ DEPTH_OK: Final = 2e-6  # m; deeper, and the boundary conditions are evaluated a
 GAP_OK: Final = 1e-5  # m; a contact that pushes must be no further than this from its body, besides the bulge of the axis
 SAME_NORMAL: Final = 0.98  # cosine between two normals of one contact
 TAUT: Final = 1e-5  # of the length; a part with less slack than this is taut
+SAME_PLACE: Final = 1e-3  # of a segment; a row this near to a bond says the same
+APART: Final = 0.5  # of a segment; beside a bond nothing else needs to be bonded
 FREE, BONDED = FRICTION_CODES.index(Friction.NONE), FRICTION_CODES.index(Friction.BOND)
 
 
@@ -86,7 +88,7 @@ class Boundary:
         spacing = float(np.diff(s).max())
         free = np.ones(len(place), dtype=bool)
         for bond in self.bonds:
-            free &= (candidates.body != bond.surface) | (np.abs(place - bond.s) > 0.75 * spacing)
+            free &= (candidates.body != bond.surface) | (np.abs(place - bond.s) > SAME_PLACE * spacing)
         count, bonds = int(free.sum()), self.bonds
         if count + len(bonds) == 0:
             return None
@@ -145,9 +147,15 @@ class Boundary:
                 return False
         return True
 
-    def bonded(self, poses: np.ndarray) -> Boundary:
-        """With every push on a bonding body turned into a bond; once a step has settled."""
+    def bonded(self, poses: np.ndarray, spacing: float) -> Boundary:
+        """With every push on a bonding body turned into a bond, where none is near; once a step has settled.
+
+        Args:
+            poses: (surfaces, 7) Poses of all surfaces.
+            spacing: [m] Length of a segment.
+        """
         pushes = self.pushes
+        taken = np.array([bond.s for bond in self.bonds])
         new = tuple(
             Bond(
                 surface=surface,
@@ -157,7 +165,7 @@ class Boundary:
                 force=pushes.force[row],
             )
             for row, surface in enumerate(pushes.surface.tolist())
-            if self.bonding[surface] and not pushes.is_bond[row]
+            if self.bonding[surface] and not pushes.is_bond[row] and not (np.abs(taken - pushes.s[row]) < APART * spacing).any()
         )
         return replace(self, bonds=self.bonds + new) if new else self
 

@@ -173,7 +173,7 @@ class Loop:
             if done.is_settled or (done.may_have_passed and not may_jump):
                 break
         if done.is_settled:
-            done.cables = tuple(replace(cable, boundary=cable.boundary.bonded(goal.surfaces)) for cable in done.cables)
+            done.cables = tuple(replace(cable, boundary=cable.boundary.bonded(goal.surfaces, float(np.diff(cable.shape.s).max()))) for cable in done.cables)
         return done
 
     def _begin(self, goal: Posture, before: Stepped | None, grasps: list[Grasps]) -> Sequence[Hanging | None]:

@@ -26,6 +26,9 @@ WARM_STEPS: Final = 15
 RELAX_STEPS: Final = 400
 NEAR: Final = 0.05  # rad; a Newton step this long leaves an error of a few thousandths
 NEAR_STEPS: Final = 6
+IDLE_AFTER: Final = 6  # steps
+IDLE_MOVE: Final = 1e-5  # of the length, of any node in one step
+IDLE_MISS: Final = 1e-7  # of the length
 KICK: Final = 0.05  # rad
 NEUTRAL: Final = 1e-4  # of EI over length squared; a stiffness below this is neutral, not unstable
 GIVE_MAX: Final = 1e-6  # of the length, that a contact may give way
@@ -59,12 +62,18 @@ def settle(rod: Rod, state: State, progress: Progress) -> Settled:
         if not longest < 1e3:
             return Settled(state, view, False, False, iteration, step.unbalanced, "a step of the iteration was not finite")
         scale = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0
+        before = view.nodes
         state, view, let_go = _advance(rod, state, step, scale)
         # Close to the answer a neutral direction may still look unstable: an unstable verdict is given at the answer itself.
         turn_done = TURN_DONE if step.is_stable else TURN_EXACT
         if not let_go and scale == 1.0 and longest < turn_done and _worst_miss(rod, state, view) < MISS_DONE * rod.length:
             why = "" if step.is_stable else "the equilibrium is not stable"
             return Settled(state, view, True, step.is_stable, iteration, step.unbalanced, why)
+        # Where several edges meet, contacts may go on taking turns without moving the cable any more.
+        moved = float(np.abs(view.nodes - before).max())
+        is_idle = iteration >= IDLE_AFTER and moved < IDLE_MOVE * rod.length and _worst_miss(rod, state, view) < IDLE_MISS * rod.length
+        if is_idle and step.is_stable and not let_go:
+            return Settled(state, view, True, True, iteration, step.unbalanced, "")
     assert step is not None
     return Settled(state, view, False, step.is_stable, WARM_STEPS, step.unbalanced, f"no convergence within {WARM_STEPS} steps")
 
