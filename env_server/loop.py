@@ -14,14 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-import msgspec
 import numpy as np
 
 from protocol.kinds import Outcome
-from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest, Start, TouchPoints
+from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest, TouchPoints
 
 from .asking import Asker
 from .boundary import Boundary
+from .hanging import Hanging, joined, nowhere, part_way, start_of, unsettled
 from .poses import farthest_move
 from .stage import Posture, Stage
 from .touch import Candidates
@@ -30,17 +30,9 @@ ROUNDS_MAX: Final = 12
 ROUNDS_JUMP: Final = 60  # when a cable snaps to another posture, its contacts give way one after the other
 HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jumps then is a jump of the cable
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
+UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
+LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
-
-
-@dataclass(frozen=True)
-class Hanging:
-    """One cable as the last step left it."""
-
-    shape: Shape
-    boundary: Boundary
-    bodies: Candidates
-    links: Candidates
 
 
 @dataclass
@@ -121,7 +113,7 @@ class Loop:
         is_last = before is None or depth == HALVINGS_MAX
         done = self._try(step, goal, before, may_jump=is_last)
         if before is None or is_last:
-            return goal, done.cables if done.is_settled else _unsettled(done.cables), done.rounds
+            return goal, done.cables if done.is_settled else unsettled(done.cables, UNSETTLED), done.rounds
         if done.is_settled and not done.may_have_passed:
             return goal, done.cables, done.rounds
         middle = self._stage.between(0.5 * (before.posture.time + goal.time), before.posture.joints)
@@ -137,24 +129,27 @@ class Loop:
         scene, done = self._stage.scene, _Try()
         grasps = [self._stage.grasps(cable.name, goal) for cable in scene.cables]
         cables = self._begin(goal, before, grasps)
+        # Where the cables were last known to be on the right side of every body, and the bodies' posture then.
+        anchor = before.cables if before is not None else None
+        done_at = before.posture if before is not None else goal
         has_moved_robot = False
         while done.rounds < (ROUNDS_JUMP if may_jump else ROUNDS_MAX):
             done.rounds += 1
             contacts = [
-                cable.boundary.contacts(_joined(cable, self._stage.body_count, self._reach), cable.shape.s, goal.surfaces)
+                cable.boundary.contacts(joined(cable, self._stage.body_count, self._reach), cable.shape.s, goal.surfaces)
                 if cable is not None
                 else None
                 for cable in cables
             ]
             problems = tuple(
-                Problem(cable=cable, grasps=grasp, contacts=contact, start=_start(was))
+                Problem(cable=cable, grasps=grasp, contacts=contact, start=start_of(was))
                 for cable, grasp, contact, was in zip(scene.cables, grasps, contacts, cables, strict=True)
             )
             shapes = self._ask(step, problems, goal, has_moved_robot=has_moved_robot)
             has_moved_robot = True
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):
                 done.cables = tuple(
-                    replace(was, shape=shape) if was is not None else _nowhere(shape, self._fresh(index))
+                    replace(was, shape=shape) if was is not None else nowhere(shape, self._fresh(index))
                     for index, (was, shape) in enumerate(zip(cables, shapes, strict=True))
                 )
                 return done
@@ -164,16 +159,22 @@ class Loop:
             for index, (was, shape, contact) in enumerate(zip(cables, shapes, contacts, strict=True)):
                 boundary = (was.boundary if was is not None else self._fresh(index)).after(contact, shape, goal.surfaces)
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
-                done.is_settled &= boundary.is_settled(_joined(now, self._stage.body_count, self._reach), shape.s)
+                done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
                 hanging.append(now)
+            share = self._free_share(anchor, done_at, goal, hanging)
+            done.may_have_passed = share < 1.0
+            if anchor is not None and share < 1.0 and may_jump:
+                hanging = [self._part_way(*item, share, goal) for item in enumerate(zip(anchor, hanging, grasps, strict=True))]
+                done.is_settled = False
             self._meter.search += time.perf_counter() - begun
-            cables = hanging
-            done.cables = tuple(hanging)
-            done.may_have_passed = before is not None and self._may_have_passed(before, goal, done.cables)
+            cables = done.cables = tuple(hanging)
             if done.is_settled or (done.may_have_passed and not may_jump):
                 break
+            anchor, done_at = done.cables, goal
         if done.is_settled:
-            done.cables = tuple(replace(cable, boundary=cable.boundary.bonded(goal.surfaces, float(np.diff(cable.shape.s).max()))) for cable in done.cables)
+            done.cables = tuple(
+                replace(cable, boundary=cable.boundary.bonded(goal.surfaces, float(np.diff(cable.shape.s).max()))) for cable in done.cables
+            )
         return done
 
     def _begin(self, goal: Posture, before: Stepped | None, grasps: list[Grasps]) -> Sequence[Hanging | None]:
@@ -232,21 +233,30 @@ class Loop:
             previous=previous.links if previous is not None else None,
         )
 
-    def _may_have_passed(self, before: Stepped, goal: Posture, after: tuple[Hanging, ...]) -> bool:
-        """Whether a segment moved further than its distance to the nearest body was."""
+    def _free_share(self, anchor: Sequence[Hanging] | None, at: Posture, goal: Posture, after: Sequence[Hanging]) -> float:
+        """Share of the way from the anchor that surely passes no body; 1 if no segment went further than its distance to one."""
+        if anchor is None:
+            return 1.0
         count = self._stage.body_count
-        still = farthest_move(before.posture.surfaces[:count], goal.surfaces[:count], self._stage.extents[:count])
-        turning = farthest_move(before.posture.surfaces[count:], goal.surfaces[count:], self._stage.extents[count:])
-        farthest, passed = 0.0, False
-        for was, now in zip(before.cables, after, strict=True):
+        still = farthest_move(at.surfaces[:count], goal.surfaces[:count], self._stage.extents[:count])
+        turning = farthest_move(at.surfaces[count:], goal.surfaces[count:], self._stage.extents[count:])
+        farthest, share = 0.0, 1.0
+        for was, now in zip(anchor, after, strict=True):
             node = np.linalg.norm(now.shape.nodes - was.shape.nodes, axis=1)
-            segment = np.maximum(node[1:], node[:-1])
+            segment = np.maximum(np.maximum(node[1:], node[:-1]), 1e-12)
             farthest = max(farthest, float(node.max()))
-            passed |= bool((segment + still > was.bodies.clearance).any())
-            passed |= bool((segment + turning > was.links.clearance).any())
+            for clearance, motion in ((was.bodies.clearance, still), (was.links.clearance, turning)):
+                share = min(share, float(((clearance - motion) / segment).min()))
         self._reach = float(np.clip(AHEAD * (farthest + still), REACH_LEAST, REACH_MOST))
         self._reach_links = max(self._reach, AHEAD * (farthest + turning))
-        return passed
+        return share if share < 1.0 else 1.0
+
+    def _part_way(self, index: int, item: tuple[Hanging, Hanging, Grasps], share: float, goal: Posture) -> Hanging:
+        """A cable as far on its way as surely passes no body, with what is near it there."""
+        was, now, grasps = item
+        shape = part_way(was.shape, now.shape, max(0.8 * share, LEAST_SHARE), grasps)
+        self._reach = REACH_MOST
+        return Hanging(shape, now.boundary, *self._search(index, shape, goal, was))
 
     def _fresh(self, index: int) -> Boundary:
         cable = self._stage.scene.cables[index]
@@ -263,42 +273,3 @@ def touch_points(stage: Stage, stepped: Stepped) -> TouchPoints:
         point=np.vstack([p.point for _, p in pushes]),
         force=np.vstack([p.force for _, p in pushes]),
     )
-
-
-def _start(was: Hanging | None) -> Start | None:
-    if was is None:
-        return None
-    return Start(s=was.shape.s, frames=was.shape.frames, grasp_forces=was.shape.grasp_wrenches[:, :3])
-
-
-def _joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
-    """Places on bodies and links within reach as one list, numbered as the surfaces are."""
-    near = cable.links.gap < reach
-    if not near.any():
-        return cable.bodies
-    first, second = cable.bodies, cable.links
-    names = ("segment", "fraction", "feature", "feature_id", "point", "normal", "direction", "extent", "gap", "is_crossing", "is_beyond")
-    columns = {name: np.concatenate([getattr(first, name), getattr(second, name)[near]]) for name in names}
-    return Candidates(
-        **columns,
-        body=np.concatenate([first.body, second.body[near] + body_count]),
-        clearance=np.minimum(first.clearance, second.clearance),
-    )
-
-
-def _unsettled(cables: tuple[Hanging, ...]) -> tuple[Hanging, ...]:
-    """The cables of a step whose contacts never settled: no shape to go on from."""
-    sentence = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
-    return tuple(
-        replace(cable, shape=msgspec.structs.replace(cable.shape, outcome=Outcome.NOT_CONVERGED, sentence=sentence))
-        if cable.shape.outcome is Outcome.CONVERGED
-        else cable
-        for cable in cables
-    )
-
-
-def _nowhere(shape: Shape, boundary: Boundary) -> Hanging:
-    """A cable without a shape, whose outcome says why."""
-    none = np.zeros(0)
-    nothing = Candidates(**dict.fromkeys(Candidates.__slots__, none))
-    return Hanging(shape, boundary, nothing, nothing)

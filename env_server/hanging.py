@@ -1,0 +1,78 @@
+"""One cable as a step, or a round of it, left it: shape, boundary conditions, and what is near it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from protocol.kinds import Outcome
+from protocol.messages import Grasps, Shape, Start
+
+from .boundary import Boundary
+from .touch import Candidates
+
+
+@dataclass(frozen=True)
+class Hanging:
+    """One cable as the last step left it."""
+
+    shape: Shape
+    boundary: Boundary
+    bodies: Candidates
+    links: Candidates
+
+
+def start_of(was: Hanging | None) -> Start | None:
+    """What the shape server is to start from; None for a cold start."""
+    if was is None:
+        return None
+    return Start(s=was.shape.s, frames=was.shape.frames, grasp_forces=was.shape.grasp_wrenches[:, :3])
+
+
+def joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
+    """Places on bodies and links within reach as one list, numbered as the surfaces are."""
+    near = cable.links.gap < reach
+    if not near.any():
+        return cable.bodies
+    first, second = cable.bodies, cable.links
+    names = ("segment", "fraction", "feature", "feature_id", "point", "normal", "direction", "extent", "gap", "is_crossing", "is_beyond")
+    columns = {name: np.concatenate([getattr(first, name), getattr(second, name)[near]]) for name in names}
+    return Candidates(
+        **columns,
+        body=np.concatenate([first.body, second.body[near] + body_count]),
+        clearance=np.minimum(first.clearance, second.clearance),
+    )
+
+
+def unsettled(cables: tuple[Hanging, ...], sentence: str) -> tuple[Hanging, ...]:
+    """The cables of a step whose contacts never settled: no shape to go on from."""
+    return tuple(
+        replace(cable, shape=msgspec.structs.replace(cable.shape, outcome=Outcome.NOT_CONVERGED, sentence=sentence))
+        if cable.shape.outcome is Outcome.CONVERGED
+        else cable
+        for cable in cables
+    )
+
+
+def nowhere(shape: Shape, boundary: Boundary) -> Hanging:
+    """A cable without a shape, whose outcome says why."""
+    none = np.zeros(0)
+    nothing = Candidates(**dict.fromkeys(Candidates.__slots__, none))
+    return Hanging(shape, boundary, nothing, nothing)
+
+
+def part_way(was: Shape, now: Shape, share: float, grasps: Grasps) -> Shape:
+    """The shape a share of the way from one to another, its segments as long as they are.
+
+    Not an equilibrium: a place from which to look for contacts on the way.
+    """
+    same = np.where(np.einsum("ij,ij->i", was.frames, now.frames) < 0.0, -1.0, 1.0)
+    frames = (1.0 - share) * was.frames + share * same[:, None] * now.frames
+    frames /= np.linalg.norm(frames, axis=1, keepdims=True)
+    steps = np.diff(now.s)[:, None] * Rotation.from_quat(frames).apply([0.0, 0.0, 1.0])
+    nodes = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    held = int(np.argmin(np.abs(now.s - grasps.s[0])))
+    return msgspec.structs.replace(now, frames=frames, nodes=nodes + grasps.position[0] - nodes[held])
