@@ -135,6 +135,7 @@ class Loop:
         has_moved_robot = False
         while done.rounds < (ROUNDS_JUMP if may_jump else ROUNDS_MAX):
             done.rounds += 1
+            begun = time.perf_counter()
             contacts = [
                 cable.boundary.contacts(joined(cable, self._stage.body_count, self._reach), cable.shape.s, goal.surfaces)
                 if cable is not None
@@ -145,6 +146,7 @@ class Loop:
                 Problem(cable=cable, grasps=grasp, contacts=contact, start=start_of(was))
                 for cable, grasp, contact, was in zip(scene.cables, grasps, contacts, cables, strict=True)
             )
+            self._meter.search += time.perf_counter() - begun
             shapes = self._ask(step, problems, goal, has_moved_robot=has_moved_robot)
             has_moved_robot = True
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):

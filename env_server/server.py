@@ -56,6 +56,8 @@ class Run:
         """Set up, wait to be started (unless `at_once`), and run; returns why it failed; empty if it ended well or was stopped."""
         stage = self._set_up()
         try:
+            if self._control.is_stopped:
+                return ""
             snapshot = self._snapshot(stage)
             self._control.offer(snapshot)
             loop = Loop(stage, self._asker, self._session)
@@ -96,8 +98,23 @@ class Run:
         touch.warm_up()
         stage = Stage(self._scene, self._control.say)
         self._control.say("waiting for the shape server")
-        self._asker.greet(self._patience)
+        self._greet_shape_server()
         return stage
+
+    def _greet_shape_server(self) -> None:
+        """Agree on the version of the protocol, a second at a time, so that a stop is heard meanwhile."""
+        end = time.monotonic() + self._patience
+        while not self._control.is_stopped:
+            try:
+                self._asker.greet(min(1.0, max(0.1, end - time.monotonic())))
+            except PeerLostError as error:
+                if time.monotonic() > end:
+                    raise PeerLostError(
+                        f"no shape server at {error.key} within {self._patience:g} s; start one with: python -m shape_server --bind {error.key}",
+                        key=error.key,
+                    ) from error
+            else:
+                return
 
     def _snapshot(self, stage: Stage) -> Snapshot:
         versions = {"cablecosim": _version("cablecosim"), "protocol": str(VERSION), "python": platform.python_version()}
@@ -151,7 +168,11 @@ class Run:
         torque_ratio = stage.torque_ratio(wrenches, posture)
         worked = time.perf_counter()
         bill = msgspec.structs.replace(
-            stepped.bill, robot=stepped.bill.robot + worked - begun, wait=wait, total=stepped.bill.total + worked - begun + self._publishing
+            stepped.bill,
+            robot=stepped.bill.robot + worked - begun,
+            encode=stepped.bill.encode + self._publishing,
+            wait=wait,
+            total=stepped.bill.total + worked - begun + self._publishing,
         )
         frame = Frame(
             session=self._session,

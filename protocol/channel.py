@@ -9,6 +9,7 @@ takes a free one); tcp beyond loopback would need encryption, which is not built
 from __future__ import annotations
 
 import fcntl
+import math
 import os
 import time
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from .messages import AnyMessage, Error, Hello, Message, Welcome
 SIZE_MAX: Final = 32 * 2**20  # bytes of a request or reply; 20 000 nodes take 4.2 MB
 SNAPSHOT_SIZE_MAX: Final = 256 * 2**20  # bytes of a message from the environment, which may hold meshes
 HEARTBEAT: Final = 500  # ms between ZMTP heartbeats; a frozen or vanished peer is dropped after three
+SEND_LIMIT: Final = 5000  # ms to wait for room in a queue that is full
 HANDSHAKE: Final = 2000  # ms for a new connection to speak ZMTP
 
 
@@ -130,14 +132,20 @@ class Client:
 
         Raises:
             MessageError: If it is larger than any server takes; ZeroMQ would drop it without a word.
+            PeerLostError: If so many messages wait for the server already that there is no room for one more.
         """
         if len(data) > SIZE_MAX:
             raise MessageError(f"the message has {len(data) / 2**20:.1f} MiB; at most {SIZE_MAX / 2**20:g} can be sent, use fewer nodes")
-        self._socket.send(data)
+        try:
+            self._socket.send(data)
+        except zmq.Again as error:
+            raise PeerLostError(
+                f"nobody at {self.address} has taken a message for {SEND_LIMIT / 1000:g} s; is the program started?", key=self.address
+            ) from error
 
     def receive_bytes(self, timeout: float) -> bytes | None:
         """Next message undecoded; None after `timeout` seconds without one."""
-        if not self._socket.poll(int(1000 * timeout), zmq.POLLIN):
+        if not self._socket.poll(math.ceil(1000 * timeout), zmq.POLLIN):
             return None
         return self._socket.recv()
 
@@ -156,7 +164,7 @@ class Client:
         end = time.monotonic() + timeout
         while (left := end - time.monotonic()) > 0:
             self.send(Hello(version=VERSION, role=self.role))
-            answer = self.receive(min(1.0, left))
+            answer = self.receive(max(0.01, min(1.0, left)))
             if isinstance(answer, Welcome):
                 self._drain()
                 return answer
@@ -248,6 +256,7 @@ def _socket(kind: int, size_max: int, queue: int) -> zmq.Socket[bytes]:
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
     socket.setsockopt(zmq.MAXMSGSIZE, size_max)
     socket.setsockopt(zmq.SNDHWM, queue)
+    socket.setsockopt(zmq.SNDTIMEO, SEND_LIMIT)
     socket.setsockopt(zmq.RCVHWM, queue)
     if kind in (zmq.ROUTER, zmq.DEALER):
         # Not for streams: a recorder that is held up for a while must not lose what is kept for it.

@@ -319,9 +319,9 @@ class Bill(Part, frozen=True):
     """Where the time of one step went, in seconds of wall time."""
 
     solve: float  # predicting the shape, in shape_server
-    search: float  # finding where the cable touches
+    search: float  # finding where the cable touches, and deciding what to ask about
     robot: float  # inverse kinematics, moving the scene, collisions of the robot
-    encode: float  # messages to bytes and back, in env_server
+    encode: float  # messages to bytes and back, in env_server, the last frame among them
     wire: float  # between the two programs: round trip less what the shape server was busy
     wait: float  # held by a pause or by viewers
     total: float  # the whole step; less than the sum, for the robot moves while the shape server thinks

@@ -132,8 +132,10 @@ def read(path: Path) -> Recording:
     try:
         with path.open("rb") as file:
             data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except (OSError, ValueError) as error:  # ValueError: the file is empty
-        raise RecordingError(f"recording {path} cannot be read: {error}", key=str(path)) from error
+    except ValueError as error:
+        raise RecordingError(f"recording {path} is empty; give the recording of a run that has begun", key=str(path)) from error
+    except OSError as error:
+        raise RecordingError(f"recording {path} cannot be read ({error.strerror}); give the recording of a run", key=str(path)) from error
     whole = _whole_messages(data)
     snapshot = _decode_at(data, whole[0]) if whole else "it is cut off in its first message"
     if not isinstance(snapshot, Snapshot):

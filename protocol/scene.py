@@ -162,7 +162,13 @@ def check_scene(scene: Scene) -> None:
     """
     cables = {cable.name: cable for cable in scene.cables}
     grippers = {gripper.name: gripper for gripper in scene.grippers}
-    for key, items in (("cables", scene.cables), ("grippers", scene.grippers), ("bodies", scene.bodies), ("moves", scene.moves)):
+    for key, items in (
+        ("cables", scene.cables),
+        ("grippers", scene.grippers),
+        ("bodies", scene.bodies),
+        ("moves", scene.moves),
+        ("pictures", scene.pictures),
+    ):
         _names_differ(key, [item.name for item in items])
     for index, cable in enumerate(scene.cables):
         _check_cable(f"cables[{index}]", cable)
@@ -206,7 +212,8 @@ def _check_gripper(key: str, gripper: Gripper, cables: dict[str, Cable], robot: 
     for name in ("tangent", "approach"):
         _check_direction(f"{key}.{name}", getattr(gripper, name))
     if _dot(_unit(gripper.tangent), _unit(gripper.approach)) ** 2 > 0.25:
-        raise SceneError(f"{key}.approach: must be within 30 degrees of square to 'tangent'", key=f"{key}.approach")
+        sentence = f"{key}.approach: {list(gripper.approach)} must be within 30 degrees of square to 'tangent', {list(gripper.tangent)}"
+        raise SceneError(sentence, key=f"{key}.approach")
     if gripper.arm is not None and robot is None:
         raise SceneError(f"{key}.arm: '{gripper.arm}' needs a [robot] in the scene", key=f"{key}.arm")
 

@@ -84,12 +84,15 @@ def replay(run: Annotated[Path, Parameter(help="Folder of a run.")], /) -> int:
 
     from protocol import recording
 
-    from .children import command, environment
+    from .children import REFUSED, command, environment, refusal
 
     if not (run / recording.FILE_NAME).is_file():
         raise CablecosimError(f"{run}: holds no {recording.FILE_NAME}; give the folder of a run", key=str(run))
-    code = subprocess.run(command("viz_client", ("--redraw", str(run))), env=environment(), check=False).returncode
-    return code if code >= 0 else 1
+    done = subprocess.run(command("viz_client", ("--redraw", str(run))), env=environment(), check=False, stderr=subprocess.PIPE, text=True)
+    if done.returncode == REFUSED:
+        raise CablecosimError(refusal("viz_client", done.stderr.strip()), key=str(run))
+    sys.stderr.write(done.stderr)
+    return done.returncode if done.returncode >= 0 else 1
 
 
 @app.command(name="list")

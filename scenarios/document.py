@@ -25,6 +25,8 @@ from .quantity import WORDS, Mistake, fields_of, plain, to_si, unit_of
 
 T = TypeVar("T")
 
+MISSPELT: Final = "unknown key; did you mean"
+
 NOT_BUILT: Final = {Friction: "'regularized', 'signum' and 'defined' of the paper are not built yet"}
 """What to add where a kind is unknown, so that a reader of the paper knows."""
 
@@ -38,6 +40,8 @@ class Document:
             self.data: dict[str, Any] = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise SceneError(_syntax(name, str(error))) from error
+        except RecursionError as error:
+            raise SceneError(f"{name}: is nested too deep; a scene has tables of tables of numbers, no more") from error
         self._lines = lines_of(text)
         self._set, self._refused = override(self.data, settings)
 
@@ -105,9 +109,16 @@ def _validate(data: dict[str, Any], kind: type[T], unfit: list[Mistake]) -> tupl
         errors = error.errors(include_url=False)
         # pydantic calls a list too short when its elements are wrong; then their own sentences are enough.
         found = [_mistake(one, kind) for one in errors if not (one["type"] == "too_short" and one["input"])]
+        found = _without_misspelt(found)
         known = {one.path for one in unfit}
         return None, unfit + [one for one in found if not any(one.path[:size] in known for size in range(len(one.path) + 1))]
     return value, unfit
+
+
+def _without_misspelt(mistakes: list[Mistake]) -> list[Mistake]:
+    """The mistakes without those keys that are missing because they are misspelt, which has a sentence of its own."""
+    meant = {(*one.path[:-1], one.text.split("'")[1]) for one in mistakes if one.text.startswith(MISSPELT)}
+    return [one for one in mistakes if not (one.path in meant and one.text.startswith("missing;"))]
 
 
 def _mistake(error: Any, kind: Any) -> Mistake:
@@ -161,7 +172,7 @@ def _item(whole: Any, kind: Any) -> Any:
 def _unknown_key(key: str, kind: Any) -> str:
     names = list(fields_of(kind)) if isinstance(kind, type) and is_dataclass(kind) else []
     close = difflib.get_close_matches(key, names, 1)
-    return f"unknown key; did you mean '{close[0]}'?" if close else f"unknown key; there are {', '.join(names)}"
+    return f"{MISSPELT} '{close[0]}'?" if close else f"unknown key; there are {', '.join(names)}"
 
 
 def _unknown_member(given: Any, kind: Any) -> str:

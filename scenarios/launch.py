@@ -6,6 +6,7 @@ environment is ready and not before, so a scene that cannot be simulated leaves 
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Sequence
@@ -264,5 +265,10 @@ class _Run:
 
 
 def _check_free(out: Path | None) -> None:
-    if out is not None and out.exists() and not (out.is_dir() and not any(out.iterdir())):
+    if out is None:
+        return
+    parent = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise CablecosimError(f"{out}: cannot be made, {parent} is no folder that you can write to; give another one", key=str(out))
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise CablecosimError(f"{out}: exists and is not an empty folder; give another one, for nothing is overwritten", key=str(out))

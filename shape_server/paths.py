@@ -7,6 +7,7 @@ that requests are answered meanwhile, and the server changes over when the child
 from __future__ import annotations
 
 import importlib
+import os
 import subprocess
 import sys
 import time
@@ -38,7 +39,11 @@ class Paths:
         if kernels == "compiled" or is_compiled():
             self.current = compile_kernels()
         else:
-            self._child = subprocess.Popen([sys.executable, "-m", "shape_server", "--warm-up"], stdout=subprocess.DEVNULL)
+            # -P and our own folder: a folder named protocol where the user is must not come in between.
+            folders = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
+            environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folder for folder in folders if folder)}
+            command = [sys.executable, "-P", "-m", "shape_server", "--warm-up"]
+            self._child = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
 
     @property
     def state(self) -> str:
