@@ -109,10 +109,8 @@ class Run:
                 self._asker.greet(min(1.0, max(0.1, end - time.monotonic())))
             except PeerLostError as error:
                 if time.monotonic() > end:
-                    raise PeerLostError(
-                        f"no shape server at {error.key} within {self._patience:g} s; start one with: python -m shape_server --bind {error.key}",
-                        key=error.key,
-                    ) from error
+                    sentence = f"no shape server at {error.key} within {self._patience:g} s; start it with: python -m shape_server --bind"
+                    raise PeerLostError(f"{sentence} {error.key}", key=error.key) from error
             else:
                 return
 

@@ -162,14 +162,13 @@ def check_scene(scene: Scene) -> None:
     """
     cables = {cable.name: cable for cable in scene.cables}
     grippers = {gripper.name: gripper for gripper in scene.grippers}
-    for key, items in (
-        ("cables", scene.cables),
-        ("grippers", scene.grippers),
-        ("bodies", scene.bodies),
-        ("moves", scene.moves),
-        ("pictures", scene.pictures),
-    ):
-        _names_differ(key, [item.name for item in items])
+    arms = scene.robot.arms if scene.robot is not None else ()
+    _names_differ("cables", [cable.name for cable in scene.cables])
+    _names_differ("grippers", [gripper.name for gripper in scene.grippers])
+    _names_differ("bodies", [body.name for body in scene.bodies])
+    _names_differ("moves", [move.name for move in scene.moves])
+    _names_differ("pictures", [picture.name for picture in scene.pictures])
+    _names_differ("robot.arms", [arm.name for arm in arms])
     for index, cable in enumerate(scene.cables):
         _check_cable(f"cables[{index}]", cable)
     for index, gripper in enumerate(scene.grippers):

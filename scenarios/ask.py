@@ -54,7 +54,7 @@ def ask(posture: Posture) -> Shape:
 
 
 def as_json(posture: Posture, shape: Shape) -> dict[str, Any]:
-    """A shape in plain values, under the names of the message, in SI units; NaN becomes null."""
+    """A shape in plain values, under the names of the message, in SI units."""
     held = sorted(grasp.at for grasp in posture.grasps)
     return {"title": posture.title, "grasp_s": held, **_plain(shape)}
 
@@ -64,8 +64,6 @@ def _plain(value: Any) -> Any:
         return _plain(value.tolist())
     if isinstance(value, Outcome):
         return value.value
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if hasattr(value, "__struct_fields__"):
