@@ -102,63 +102,89 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         force, n + b'/mu m; slide m (m, 3); across (m, 3), zero unless a vertex; and numbers (m, 4): mu (0 where the contact
         does not slide), d [m], the couple b' d / mu^2 [m], and b'' [1/m].
     """
-    many, last = element.shape[0], lengths.shape[0] - 1
+    many = element.shape[0]
     gap, numbers = np.empty(many), np.zeros((many, 4))
     normal, push, slide, across = np.empty((many, 3)), np.empty((many, 3)), np.zeros((many, 3)), np.zeros((many, 3))
     offset = np.empty(3)
     for c in range(many):
-        j, h, e = element[c], lengths[element[c]], direction[c]
+        j, is_free = element[c], False
         if feature[c] != FACE:
-            place, is_free = _along(nodes[j], axes[j, 2], point[c], e, feature[c])
-            # Beside a parallel edge every point is nearest; the rows of the segments hold one node each.
-            share = place / h if is_free else _nearer_end(nodes, j, point[c], e)
-            if (j == 0 and share < 0.0) or (j == last and share > 1.0):
-                share, is_free = min(max(share, 0.0), 1.0), False
-            fraction[c] = min(max(share, -BEYOND), 1.0 + BEYOND)
+            fraction[c], is_free = _place(nodes, axes, lengths, j, point[c], direction[c], feature[c])
         for k in range(3):
-            offset[k] = nodes[j, k] + fraction[c] * h * axes[j, 2, k] - point[c, k]
+            offset[k] = nodes[j, k] + fraction[c] * lengths[j] * axes[j, 2, k] - point[c, k]
         if feature[c] == FACE:
-            gap[c] = offset[0] * given[c, 0] + offset[1] * given[c, 1] + offset[2] * given[c, 2] - distance[c]
+            gap[c] = _dot(offset, given[c]) - distance[c]
             normal[c] = given[c]
             push[c] = given[c]
             numbers[c, 1] = distance[c]
             continue
         ends = False
         if feature[c] == EDGE:
-            we = offset[0] * e[0] + offset[1] * e[1] + offset[2] * e[2]
-            ends = we < extent[c, 0] or we > extent[c, 1]
+            along = _dot(offset, direction[c])
+            ends = along < extent[c, 0] or along > extent[c, 1]
             for k in range(3):
-                offset[k] -= we * e[k]
-        size = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
-        side = offset[0] * given[c, 0] + offset[1] * given[c, 1] + offset[2] * given[c, 2]
+                offset[k] -= along * direction[c, k]
+        size = np.sqrt(_dot(offset, offset))
         # A contact may turn by more than a right angle around a sharp edge before it is on the other side of it.
-        signed = size if side >= -0.5 * size else -size
+        signed = size if _dot(offset, given[c]) >= -0.5 * size else -size
         for k in range(3):
             normal[c, k] = offset[k] / signed if size > 1e-12 else given[c, k]
         push[c] = normal[c]
         gap[c] = signed - distance[c]
-        d = max(signed, 1e-3 * distance[c])
-        n, t = normal[c], axes[j, 2]
-        numbers[c, 1] = d
-        if ends or share < -BEYOND or share > 1.0 + BEYOND:
+        numbers[c, 1] = max(signed, 1e-3 * distance[c])
+        if ends or fraction[c] < -BEYOND or fraction[c] > 1.0 + BEYOND:
+            fraction[c] = min(max(fraction[c], -BEYOND), 1.0 + BEYOND)
             gap[c] = FAR
             continue
-        if feature[c] == EDGE:
-            slide[c, 0], slide[c, 1], slide[c, 2] = e[1] * n[2] - e[2] * n[1], e[2] * n[0] - e[0] * n[2], e[0] * n[1] - e[1] * n[0]
-        else:
-            across[c, 0], across[c, 1], across[c, 2] = t[1] * n[2] - t[2] * n[1], t[2] * n[0] - t[0] * n[2], t[0] * n[1] - t[1] * n[0]
-            slide[c] = t
-            if not is_free:
-                a = across[c]
-                scale = 1.0 / max(np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2), 1e-12)
-                for k in range(3):
-                    across[c, k] *= scale
-                slide[c, 0], slide[c, 1], slide[c, 2] = n[1] * a[2] - n[2] * a[1], n[2] * a[0] - n[0] * a[2], n[0] * a[1] - n[1] * a[0]
+        _directions(axes[j, 2], normal[c], direction[c], feature[c], is_free, slide[c], across[c])
         if is_free:
-            mu = slide[c, 0] * t[0] + slide[c, 1] * t[1] + slide[c, 2] * t[2]
-            value, slope, bend = _bulge(fraction[c], h, _turn(axes, j, n), _turn(axes, j + 1, n))
-            gap[c] -= value
-            for k in range(3):
-                push[c, k] += slope / mu * slide[c, k]
-            numbers[c, 0], numbers[c, 2], numbers[c, 3] = mu, slope * d / (mu * mu), bend
+            gap[c] -= _let_slide(axes, lengths[j], j, fraction[c], normal[c], slide[c], push[c], numbers[c])
     return gap, normal, push, slide, across, numbers
+
+
+@njit(cache=True)
+def _place(nodes, axes, lengths, j, point, e, feature):  # type: ignore[no-untyped-def]
+    """Share of segment j at which it is nearest, and whether the contact can slide there."""
+    place, is_free = _along(nodes[j], axes[j, 2], point, e, feature)
+    # Beside a parallel edge every point is nearest; the rows of the segments hold one node each.
+    share = place / lengths[j] if is_free else _nearer_end(nodes, j, point, e)
+    if (j == 0 and share < 0.0) or (j == lengths.shape[0] - 1 and share > 1.0):
+        return min(max(share, 0.0), 1.0), False
+    return share, is_free
+
+
+@njit(cache=True)
+def _directions(t, n, e, feature, is_free, slide, across):  # type: ignore[no-untyped-def]
+    """Directions in which the distance is curved: `slide` along the cable, and `across` for a vertex."""
+    if feature == EDGE:
+        _cross(e, n, slide)
+        return
+    _cross(t, n, across)
+    if is_free:
+        slide[:] = t
+        return
+    scale = 1.0 / max(np.sqrt(_dot(across, across)), 1e-12)
+    for k in range(3):
+        across[k] *= scale
+    _cross(n, across, slide)
+
+
+@njit(cache=True)
+def _let_slide(axes, h, j, share, n, slide, push, numbers):  # type: ignore[no-untyped-def]
+    """Bulge [m] under a contact that can slide; adds its slope to `push`, and fills in `numbers`."""
+    mu, d = _dot(slide, axes[j, 2]), numbers[1]
+    value, slope, bend = _bulge(share, h, _turn(axes, j, n), _turn(axes, j + 1, n))
+    for k in range(3):
+        push[k] += slope / mu * slide[k]
+    numbers[0], numbers[2], numbers[3] = mu, slope * d / (mu * mu), bend
+    return value
+
+
+@njit(cache=True)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def _cross(a, b, out):  # type: ignore[no-untyped-def]
+    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
