@@ -6,172 +6,28 @@ nobody checks again. Every message checks itself when it is made, on either side
 
 from __future__ import annotations
 
-from typing import Final
-
 import msgspec
 import numpy as np
 
+from .checks import CONTACTS_MAX as CONTACTS_MAX
+from .checks import EXTENT_MAX as EXTENT_MAX
+from .checks import GRASPS_MAX as GRASPS_MAX
+from .checks import HUGE as HUGE
+from .checks import NODES_MAX as NODES_MAX
+from .checks import check_count, check_floats, check_integers, check_quaternions
 from .errors import MessageError
-from .kinds import FRICTION_CODES, Feature, Hold, Outcome
-from .scene import LENGTH_MAX, MASS_MAX, STIFFNESS_MAX, Cable, Scene, Vector
-
-NODES_MAX: Final = 20_000
-CONTACTS_MAX: Final = 5_000
-GRASPS_MAX: Final = 100
-HUGE: Final = 1e12  # in any unit; a number beyond this is a mistake
-EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
+from .parts import Contacts as Contacts
+from .parts import Cost as Cost
+from .parts import Grasps as Grasps
+from .parts import Part as Part
+from .parts import Problem as Problem
+from .parts import Shape as Shape
+from .parts import Start as Start
+from .scene import Scene, Vector
 
 
 class Message(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, kw_only=True):
     """Anything that crosses the wire on its own; the field `type` names it."""
-
-
-class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Anything that crosses the wire inside a message."""
-
-
-class Grasps(Part, frozen=True):
-    """Held points of one cable, in the order of growing arc length."""
-
-    s: np.ndarray  # (g,) m, arc length; strictly increasing
-    position: np.ndarray  # (g, 3) m
-    quaternion: np.ndarray  # (g, 4) frame of the cable there; d3 is the tangent
-    hold: tuple[Hold, ...]  # (g,)
-
-    def __post_init__(self) -> None:
-        """Check shapes and ranges."""
-        count = len(self.hold)
-        _check_count("grasps", count, GRASPS_MAX)
-        _check_floats("grasps.s", self.s, (count,), EXTENT_MAX)
-        _check_floats("grasps.position", self.position, (count, 3), EXTENT_MAX)
-        _check_quaternions("grasps.quaternion", self.quaternion, count)
-        if count > 1 and not (np.diff(self.s) > 0).all():
-            raise MessageError("grasps.s: must grow strictly; order the grasps along the cable", key="grasps.s")
-
-
-class Contacts(Part, frozen=True):
-    """Places where a cable touches a body or may do so, one row each.
-
-    A row holds the cable's axis at least `distance` from a feature of a body: from the plane through `point` square to
-    `normal` (face), from the line through `point` along `direction` (edge), or from `point` itself (vertex).
-    """
-
-    s: np.ndarray  # (m,) m, arc length of the nearest point of the cable
-    body: np.ndarray  # (m,) int, index of the body in the scene; -1 for none
-    feature: np.ndarray  # (m,) int, a `Feature`
-    point: np.ndarray  # (m, 3) m, nearest point of the body
-    normal: np.ndarray  # (m, 3) unit, from the body to the cable
-    direction: np.ndarray  # (m, 3) unit, along the edge; zero for faces and vertices
-    extent: np.ndarray  # (m, 2) m, from `point` back and on along `direction` as far as the edge goes; zero if no edge
-    distance: np.ndarray  # (m,) m, between axis and feature when they touch
-    friction: np.ndarray  # (m,) int, index into `kinds.FRICTION_CODES`
-    force: np.ndarray  # (m, 3) N, on the cable; what to start from
-
-    def __post_init__(self) -> None:
-        """Check shapes and ranges."""
-        count = len(self.s)
-        _check_count("contacts", count, CONTACTS_MAX)
-        for name, low, high in (("body", -1, 10_000), ("feature", 0, len(Feature) - 1), ("friction", 0, len(FRICTION_CODES) - 1)):
-            _check_integers(f"contacts.{name}", getattr(self, name), count, low, high)
-        for name in ("s", "distance"):
-            _check_floats(f"contacts.{name}", getattr(self, name), (count,), EXTENT_MAX)
-        for name in ("point", "normal", "direction"):
-            _check_floats(f"contacts.{name}", getattr(self, name), (count, 3), EXTENT_MAX)
-        _check_floats("contacts.extent", self.extent, (count, 2), EXTENT_MAX)
-        _check_floats("contacts.force", self.force, (count, 3), 1e9)
-        _check_units("contacts.normal", self.normal)
-        _check_units("contacts.direction", self.direction[self.feature == Feature.EDGE])
-
-
-class Start(Part, frozen=True):
-    """Shape to start from: the frame of every segment, and the forces that held it."""
-
-    s: np.ndarray  # (n,) m, arc length of every node, from 0 to the cable's length
-    frames: np.ndarray  # (n-1, 4) quaternion of every segment
-    grasp_forces: np.ndarray  # (g, 3) N, on the cable
-
-    def __post_init__(self) -> None:
-        """Check shapes and ranges."""
-        count = len(self.s)
-        _check_count("start", count, NODES_MAX)
-        _check_floats("start.s", self.s, (count,), EXTENT_MAX)
-        _check_quaternions("start.frames", self.frames, count - 1)
-        _check_floats("start.grasp_forces", self.grasp_forces, (len(self.grasp_forces), 3), 1e9)
-        if count < 2 or not (np.diff(self.s) > 0).all():
-            raise MessageError("start.s: must grow strictly and have two nodes or more", key="start.s")
-
-
-class Problem(Part, frozen=True):
-    """One cable with its boundary conditions."""
-
-    cable: Cable
-    grasps: Grasps
-    contacts: Contacts | None = None
-    start: Start | None = None  # without it: a cold start
-
-    def __post_init__(self) -> None:
-        """Check the cable, and what goes together."""
-        _check_cable(self.cable)
-        length, s = self.cable.length, self.grasps.s
-        if not len(s) or s[0] < 0 or s[-1] > length:
-            raise MessageError(f"grasps.s: must have an entry or more, all from 0 to the cable's length, {length:g} m", key="grasps.s")
-        if len(s) > 1 and np.diff(s).min() < 1e-6 * length:
-            raise MessageError(
-                f"grasps.s: two grasps are closer than {1e-6 * length:g} m along the cable; hold it at two places", key="grasps.s"
-            )
-        if self.contacts is not None and len(self.contacts.s) and not 0 <= self.contacts.s.min() <= self.contacts.s.max() <= length:
-            raise MessageError(f"contacts.s: must lie from 0 to the cable's length, {length:g} m", key="contacts.s")
-        if self.start is not None and len(self.start.grasp_forces) != len(s):
-            raise MessageError(
-                f"start.grasp_forces: has {len(self.start.grasp_forces)} rows for {len(s)} grasps; give one each", key="start.grasp_forces"
-            )
-
-
-class Cost(Part, frozen=True):
-    """What an answer cost, in seconds of wall time by part."""
-
-    solve: float  # equilibrium iterations, stability included
-    estimate: float  # error estimate
-    path: str  # "numba", "numpy", "closed form" or "none"
-
-
-class Shape(Part, frozen=True):
-    """A predicted shape with its price tag."""
-
-    s: np.ndarray  # (n,) m, arc length of every node
-    nodes: np.ndarray  # (n, 3) m
-    frames: np.ndarray  # (n-1, 4) quaternion of every segment; d3 points from node to node
-    tension: np.ndarray  # (n-1,) N, in every segment; negative where the cable is compressed
-    curvature: np.ndarray  # (n,) 1/m, of bending, at every node
-    grasp_wrenches: np.ndarray  # (g, 6) N and N m, on the cable at every grasp, force then moment
-    contact_forces: np.ndarray  # (m, 3) N, on the cable, in the order of the request's contacts
-    contact_s: np.ndarray  # (m,) m, where along the cable each contact has slid to
-    outcome: Outcome
-    sentence: str  # how it ended
-    model: str  # "rod" or "catenary"
-    effects: tuple[str, ...]  # simulated
-    error: float | None  # m, estimated error of the node positions; None where the outcome is no shape
-    residual: float  # N, largest unbalanced force
-    iterations: int
-    is_stable: bool  # certified from the inertia of the system, in three dimensions
-    cost: Cost
-
-    def __post_init__(self) -> None:
-        """Check shapes and ranges; an outcome without a shape has empty arrays."""
-        nodes, grasps, contacts = len(self.s), len(self.grasp_wrenches), len(self.contact_s)
-        segments = max(nodes - 1, 0)
-        _check_count("shape", nodes, NODES_MAX)
-        for name, shape, most in (
-            ("s", (nodes,), EXTENT_MAX),
-            ("nodes", (nodes, 3), EXTENT_MAX),
-            ("tension", (segments,), HUGE),
-            ("curvature", (nodes,), HUGE),
-            ("grasp_wrenches", (grasps, 6), HUGE),
-            ("contact_forces", (contacts, 3), HUGE),
-            ("contact_s", (contacts,), EXTENT_MAX),
-        ):
-            _check_floats(f"shape.{name}", getattr(self, name), shape, most)
-        _check_quaternions("shape.frames", self.frames, segments)
 
 
 class ShapeRequest(Message, frozen=True):
@@ -186,7 +42,7 @@ class ShapeRequest(Message, frozen=True):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        _check_count("problems", len(self.problems), GRASPS_MAX)
+        check_count("problems", len(self.problems), GRASPS_MAX)
         if self.step < 0 or self.round < 0:
             raise MessageError(f"step and round: {self.step} and {self.round} must be 0 or more", key="step")
         if not (0 < self.tolerance < EXTENT_MAX):
@@ -297,7 +153,7 @@ class Solid(Part, frozen=True):
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
-        _check_floats(f"{self.name}.vertices", self.vertices, (len(self.vertices), 3), EXTENT_MAX)
+        check_floats(f"{self.name}.vertices", self.vertices, (len(self.vertices), 3), EXTENT_MAX)
         if self.triangles.dtype != np.int64 or self.triangles.ndim != 2 or self.triangles.shape[1] != 3:
             raise MessageError(f"{self.name}.triangles: must be (t, 3) of <i8", key=self.name)
         if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(self.vertices):
@@ -339,11 +195,11 @@ class TouchPoints(Part, frozen=True):
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
         count = len(self.s)
-        _check_floats("touching.s", self.s, (count,), EXTENT_MAX)
-        _check_floats("touching.point", self.point, (count, 3), EXTENT_MAX)
-        _check_floats("touching.force", self.force, (count, 3), HUGE)
-        _check_integers("touching.cable", self.cable, count, 0, GRASPS_MAX)
-        _check_integers("touching.body", self.body, count, -1, 10_000)
+        check_floats("touching.s", self.s, (count,), EXTENT_MAX)
+        check_floats("touching.point", self.point, (count, 3), EXTENT_MAX)
+        check_floats("touching.force", self.force, (count, 3), HUGE)
+        check_integers("touching.cable", self.cable, count, 0, GRASPS_MAX)
+        check_integers("touching.body", self.body, count, -1, 10_000)
 
 
 class Frame(Message, frozen=True):
@@ -368,9 +224,9 @@ class Frame(Message, frozen=True):
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
-        _check_floats("joints", self.joints, (len(self.joints),), EXTENT_MAX)
-        _check_floats("poses", self.poses, (len(self.poses), 7), EXTENT_MAX)
-        _check_quaternions("poses", np.ascontiguousarray(self.poses[:, 3:]), len(self.poses))
+        check_floats("joints", self.joints, (len(self.joints),), EXTENT_MAX)
+        check_floats("poses", self.poses, (len(self.poses), 7), EXTENT_MAX)
+        check_quaternions("poses", np.ascontiguousarray(self.poses[:, 3:]), len(self.poses))
         for name in ("time", "penetration", "grasp_error", "torque_ratio"):
             if not abs(getattr(self, name)) < HUGE:
                 raise MessageError(f"{name}: {getattr(self, name)!r} must be finite, and below {HUGE:g}", key=name)
@@ -404,51 +260,3 @@ AnyMessage = (
     | Frame
     | Finished
 )
-
-
-def _check_cable(cable: Cable) -> None:
-    """Check the numbers of a cable that came over the wire."""
-    for name, value, most, unit in (
-        ("length", cable.length, LENGTH_MAX, "m"),
-        ("diameter", cable.diameter, LENGTH_MAX, "m"),
-        ("bending", cable.bending, STIFFNESS_MAX, "N m^2"),
-        ("twist", cable.twist, STIFFNESS_MAX, "N m^2"),
-        ("mass_per_length", cable.mass_per_length, MASS_MAX, "kg/m"),
-    ):
-        is_mass = name == "mass_per_length"
-        if value is not None and not ((value >= 0.0 if is_mass else value > 0.0) and value <= most):
-            sentence = f"cable.{name}: {value!r} must be {'0 or more' if is_mass else 'positive'}, and at most {most:g} {unit}"
-            raise MessageError(sentence, key=f"cable.{name}")
-    if (cable.bending is None) != (cable.twist is None):
-        raise MessageError("cable: has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)", key="cable")
-
-
-def _check_count(key: str, count: int, most: int) -> None:
-    if count > most:
-        raise MessageError(f"{key}: {count} entries are too many; at most {most}", key=key)
-
-
-def _check_floats(key: str, array: np.ndarray, shape: tuple[int, ...], most: float) -> None:
-    if array.dtype != np.float64 or array.shape != shape:
-        raise MessageError(f"{key}: {array.dtype.str} of shape {array.shape} must be <f8 of shape {shape}", key=key)
-    # A comparison with NaN is false, so this one test covers NaN and infinity as well.
-    if array.size and not max(array.max(), -array.min()) < most:
-        raise MessageError(f"{key}: holds a value that is not finite, or not below {most:g}", key=key)
-
-
-def _check_units(key: str, array: np.ndarray) -> None:
-    if len(array) and np.abs(np.einsum("ij,ij->i", array, array) - 1.0).max() > 1e-6:
-        raise MessageError(f"{key}: every vector must have length 1 to within 5e-7", key=key)
-
-
-def _check_integers(key: str, array: np.ndarray, count: int, low: int, high: int) -> None:
-    if array.dtype != np.int64 or array.shape != (count,):
-        raise MessageError(f"{key}: {array.dtype.str} of shape {array.shape} must be <i8 of shape ({count},)", key=key)
-    if count and not low <= array.min() <= array.max() <= high:
-        raise MessageError(f"{key}: values must lie within {low} and {high}", key=key)
-
-
-def _check_quaternions(key: str, array: np.ndarray, count: int) -> None:
-    _check_floats(key, array, (count, 4), 2.0)
-    if count and np.abs(np.einsum("ij,ij->i", array, array) - 1.0).max() > 1e-6:
-        raise MessageError(f"{key}: every quaternion must have length 1 to within 5e-7", key=key)

@@ -10,11 +10,6 @@ from rooms import PROGRAMS, ROOMS, ROOT, files, tree
 
 LINES_MAX = 300  # of a file
 FUNCTION_MAX = 60  # lines
-EXEMPT = {
-    # What is longer, and why.
-    "protocol/messages.py": "every message in one place, as docs/protocol.md has them",
-    "shape_server/contact_geometry.py:contact_geometry": "one formula and its derivatives, compiled as one kernel",
-}
 STOP_WORDS = ("utils", "helpers", "common", "base", "manager", "misc")
 
 
@@ -37,7 +32,7 @@ def test_every_file_begins_with_what_it_is_about(path: Path) -> None:
 
 def test_no_file_is_longer_than_300_lines() -> None:
     long = {str(path): count for path in files() if (count := (ROOT / path).read_text(encoding="utf-8").count("\n")) > LINES_MAX}
-    assert {path: count for path, count in long.items() if path not in EXEMPT} == {}
+    assert long == {}
 
 
 def test_no_function_is_longer_than_60_lines() -> None:
@@ -46,7 +41,7 @@ def test_no_function_is_longer_than_60_lines() -> None:
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.FunctionDef):
                 count = (node.end_lineno or node.lineno) - node.lineno + 1
-                if count > FUNCTION_MAX and f"{path}:{node.name}" not in EXEMPT:
+                if count > FUNCTION_MAX:
                     long[f"{path}:{node.name}"] = count
     assert long == {}
 

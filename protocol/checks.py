@@ -1,0 +1,69 @@
+"""Checks of what a message holds; each raises a `MessageError` that names the field."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from .errors import MessageError
+from .scene import LENGTH_MAX, MASS_MAX, STIFFNESS_MAX, Cable
+
+NODES_MAX: Final = 20_000
+CONTACTS_MAX: Final = 5_000
+GRASPS_MAX: Final = 100
+HUGE: Final = 1e12  # in any unit; a number beyond this is a mistake
+EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
+
+
+def check_cable(cable: Cable) -> None:
+    """Check the numbers of a cable that came over the wire."""
+    for name, value, most, unit in (
+        ("length", cable.length, LENGTH_MAX, "m"),
+        ("diameter", cable.diameter, LENGTH_MAX, "m"),
+        ("bending", cable.bending, STIFFNESS_MAX, "N m^2"),
+        ("twist", cable.twist, STIFFNESS_MAX, "N m^2"),
+        ("mass_per_length", cable.mass_per_length, MASS_MAX, "kg/m"),
+    ):
+        is_mass = name == "mass_per_length"
+        if value is not None and not ((value >= 0.0 if is_mass else value > 0.0) and value <= most):
+            sentence = f"cable.{name}: {value!r} must be {'0 or more' if is_mass else 'positive'}, and at most {most:g} {unit}"
+            raise MessageError(sentence, key=f"cable.{name}")
+    if (cable.bending is None) != (cable.twist is None):
+        raise MessageError("cable: has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)", key="cable")
+
+
+def check_count(key: str, count: int, most: int) -> None:
+    """Refuse more entries than a message may have."""
+    if count > most:
+        raise MessageError(f"{key}: {count} entries are too many; at most {most}", key=key)
+
+
+def check_floats(key: str, array: np.ndarray, shape: tuple[int, ...], most: float) -> None:
+    """Refuse an array that is not <f8 of that shape, finite, and below `most` in size."""
+    if array.dtype != np.float64 or array.shape != shape:
+        raise MessageError(f"{key}: {array.dtype.str} of shape {array.shape} must be <f8 of shape {shape}", key=key)
+    # A comparison with NaN is false, so this one test covers NaN and infinity as well.
+    if array.size and not max(array.max(), -array.min()) < most:
+        raise MessageError(f"{key}: holds a value that is not finite, or not below {most:g}", key=key)
+
+
+def check_units(key: str, array: np.ndarray) -> None:
+    """Refuse vectors that are not of length 1."""
+    if len(array) and np.abs(np.einsum("ij,ij->i", array, array) - 1.0).max() > 1e-6:
+        raise MessageError(f"{key}: every vector must have length 1 to within 5e-7", key=key)
+
+
+def check_integers(key: str, array: np.ndarray, count: int, low: int, high: int) -> None:
+    """Refuse an array that is not <i8 with `count` entries within bounds."""
+    if array.dtype != np.int64 or array.shape != (count,):
+        raise MessageError(f"{key}: {array.dtype.str} of shape {array.shape} must be <i8 of shape ({count},)", key=key)
+    if count and not low <= array.min() <= array.max() <= high:
+        raise MessageError(f"{key}: values must lie within {low} and {high}", key=key)
+
+
+def check_quaternions(key: str, array: np.ndarray, count: int) -> None:
+    """Refuse an array that is not `count` unit quaternions."""
+    check_floats(key, array, (count, 4), 2.0)
+    if count and np.abs(np.einsum("ij,ij->i", array, array) - 1.0).max() > 1e-6:
+        raise MessageError(f"{key}: every quaternion must have length 1 to within 5e-7", key=key)
