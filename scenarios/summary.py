@@ -108,6 +108,7 @@ class _Tally:
         self._contacts = self._rounds = self._collisions = self._above = 0
 
     def add(self, frame: Frame, tolerance: float) -> None:
+        """Count a frame in; `tolerance` [m] is what its shapes were asked for."""
         self._above += any(shape.error is None or shape.error > tolerance for shape in frame.shapes)
         if frame.sequence > 0:
             self._bills.append(tuple(getattr(frame.bill, part) for part in BILL))
@@ -134,6 +135,7 @@ class _Tally:
         self._most[name] = max(value, self._most.get(name, -np.inf))
 
     def values(self) -> Summary:
+        """What the frames so far come to; null for what none of them said."""
         bills = np.array(self._bills).reshape(-1, len(BILL))
         counted = bills[WARM_UP:] if len(bills) > 2 * WARM_UP else bills
         total = float(counted[:, BILL.index("total")].sum())

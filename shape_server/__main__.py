@@ -24,7 +24,8 @@ from .solve import solve
 def main() -> int:
     """Run the server until it is stopped; 0 in good order, 2 with a sentence for a mistake."""
     arguments = _parser().parse_args()
-    signal.signal(signal.SIGTERM, _leave)
+    if not arguments.warm_up:  # the compiler would hold back a handler for seconds
+        signal.signal(signal.SIGTERM, _leave)
     try:
         if arguments.warm_up:
             sys.stdout.write(f"kernels ready after {warm_up():.1f} s\n")

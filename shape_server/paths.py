@@ -6,6 +6,7 @@ that requests are answered meanwhile, and the server changes over when the child
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
 import subprocess
@@ -43,6 +44,7 @@ class Paths:
             folders = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
             environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folder for folder in folders if folder)}
             command = [sys.executable, "-P", "-m", "shape_server", "--warm-up"]
+            atexit.register(self.close)  # a stop can come before the server's loop, which closes too
             self._child = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
 
     @property
@@ -60,9 +62,9 @@ class Paths:
                 self.current = compile_kernels()
 
     def close(self) -> None:
-        """End the child, if there is one."""
+        """End the child, if there is one; what it has not yet put into the cache is lost, which does no harm."""
         if self._child is not None:
-            self._child.terminate()
+            self._child.kill()
             self._child.wait()
 
 

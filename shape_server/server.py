@@ -21,8 +21,8 @@ class ShapeServer:
     """Answers shape requests at an address until it is told to stop."""
 
     def __init__(self, address: str, kernels: str) -> None:
-        self._paths = Paths(kernels)
         self._channel = Server(address, self._welcome)
+        self._paths = Paths(kernels)
         self._cached: tuple[tuple[bytes, str, int, int], ShapeRequest, bytes] | None = None
         self._beaten = 0.0
         self.address = self._channel.address

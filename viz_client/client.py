@@ -95,6 +95,7 @@ class _Session:
         self._drawn = 0
 
     def run(self, *, replay: bool, pictures: bool) -> Watched:
+        """Record from the snapshot to the end of the run, and write what was asked for beside it."""
         found = self._snapshot()
         if found is None:
             return Watched(0, 0, complete=False, sentence="stopped before the run had begun")

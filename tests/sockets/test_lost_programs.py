@@ -75,7 +75,7 @@ def test_a_shape_server_that_is_killed_for_good_ends_the_run_with_a_sentence(box
 def test_a_shape_server_that_never_comes_ends_the_environment_with_a_sentence_and_code_2(box: Box) -> None:
     env = box.env_server(None, "--patience", "3")
     assert env.wait() == 2
-    assert f"env_server: nobody answered at {box.at('shape')} within 3 s; is the program started?" in env.words
+    assert f"env_server: no shape server at {box.at('shape')} within 3 s; start it with: python -m shape_server" in env.words
     assert "Traceback" not in env.words
 
 
