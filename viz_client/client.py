@@ -3,8 +3,9 @@
 The stream is joined before the snapshot is asked for, so nothing between the two is missed. Messages are written as they
 arrive, undecoded bytes to the file; drawing happens in another process (`painter.py`) or after the end.
 
-Waits, all in seconds: START_LIMIT for the environment to answer and to have a snapshot; SILENCE without a message before
-the environment is asked whether it lives; ANSWER_LIMIT for its answer. An environment that lives may be silent for ever.
+Waits, all in seconds: START_LIMIT for the environment to answer and to have a snapshot, GONE_LIMIT once it had answered and
+then does no more; SILENCE without a message before the environment is asked whether it lives; ANSWER_LIMIT for its answer.
+An environment that lives may be silent for ever.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from .painter import DIRECTORY, Painter
 from .redraw import page
 
 START_LIMIT: Final = 120.0
+GONE_LIMIT: Final = 15.0
 SILENCE: Final = 5.0
 ANSWER_LIMIT: Final = 5.0
 POLL: Final = 0.05  # s between looks at the signal to stop and at the drawing process
@@ -122,12 +124,12 @@ class _Session:
 
     def _snapshot(self) -> tuple[bytes, Snapshot] | None:
         """What the scene looks like, as soon as the environment knows; None if told to stop before."""
-        greeted, problem = False, ""
+        greeted, problem, heard = False, "", 0.0
         while self._seconds() < START_LIMIT and not self._stop.is_set():
             try:
                 if not greeted:
                     self._client.greet(1.0)
-                    greeted = True
+                    greeted, heard = True, time.monotonic()
                 self._client.send(SnapshotRequest())
                 data = self._client.receive_bytes(ANSWER_LIMIT)
                 answer = decode(data) if data else None
@@ -137,6 +139,10 @@ class _Session:
             if data and isinstance(answer, Snapshot):
                 return data, answer
             problem = answer.sentence if isinstance(answer, Error) else "it gave no answer"
+            if data:
+                heard = time.monotonic()
+            elif time.monotonic() - heard > GONE_LIMIT:
+                raise PeerLostError(f"the environment at {self._client.address} ended before the run began", key=self._client.address)
             self._stop.wait(POLL)
         if self._stop.is_set():
             return None
@@ -197,6 +203,7 @@ class _Session:
         except PeerLostError:
             return f"the environment was silent for {SILENCE:g} s and did not answer within {ANSWER_LIMIT:g} s"
         if isinstance(answer, Statistics) and answer.state in ("finished", "failed"):
+            self._missing += max(0, answer.step + 1 - self._next)
             return f"the environment says that the run is over: {answer.sentence}"
         return ""
 

@@ -86,7 +86,7 @@ def test_an_environment_that_is_only_slow_is_waited_for(box, tmp_path, short_wai
 def test_a_run_that_was_over_before_joining_ends_at_once(box, tmp_path, short_waits):
     with StandIn(box, SNAPSHOT, state="finished") as environment:
         watched = record(environment, tmp_path)
-    assert (watched.frames, watched.complete) == (0, False)
+    assert (watched.frames, watched.missing, watched.complete) == (0, 1, False)
     assert "the run is over" in watched.sentence
 
 
@@ -95,6 +95,15 @@ def test_nobody_there_is_reported(box, tmp_path, monkeypatch):
     with pytest.raises(PeerLostError, match="no snapshot from ipc"):
         watch(f"ipc://{box}/frames", f"ipc://{box}/control", tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_an_environment_that_ends_before_the_snapshot_is_not_waited_for(box, tmp_path, monkeypatch):
+    monkeypatch.setattr(client, "GONE_LIMIT", 0.2)
+    monkeypatch.setattr(client, "ANSWER_LIMIT", 0.2)
+    with StandIn(box, None) as environment:
+        threading.Timer(0.3, lambda: setattr(environment, "mute", True)).start()
+        with pytest.raises(PeerLostError, match="ended before the run began"):
+            record(environment, tmp_path)
 
 
 def test_a_scene_that_is_not_ready_is_waited_for(box, tmp_path):
