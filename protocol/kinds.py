@@ -50,7 +50,7 @@ class Outcome(Enum):
 _ADVICE: Final = {
     Outcome.CONVERGED: "Nothing to do: a stable equilibrium within the residual asked for.",
     Outcome.UNREACHABLE: "Bring the held points closer together along the cable, or make the cable longer.",
-    Outcome.NOT_CONVERGED: "Move the grippers in smaller steps, or ask without a start shape.",
+    Outcome.NOT_CONVERGED: "Move the grippers in smaller steps; if a start shape was given, ask again without it.",
     Outcome.UNSTABLE: "Ask without a start shape: the solver then looks for another, stable equilibrium.",
     Outcome.UNSUPPORTED: "Leave out or change the part of the request that the sentence names.",
 }
