@@ -196,7 +196,13 @@ class Loop:
         """Ask the shape server, and move the robot while it thinks."""
         scene = self._stage.scene
         request = ShapeRequest(
-            session=self._session, step=step, round=self._round, gravity=scene.gravity, tolerance=scene.tolerance, problems=problems
+            session=self._session,
+            step=step,
+            round=self._round,
+            gravity=scene.gravity,
+            tolerance=scene.tolerance,
+            problems=problems,
+            extrapolate=False,
         )
         self._round += 1
         begun = time.perf_counter()

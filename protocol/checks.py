@@ -2,35 +2,52 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Final
 
 import numpy as np
 
+from .cable import FORCE_MAX, LENGTH_MAX, MASS_MAX, STIFFNESS_MAX, Cable, LumpedMass, Section, cable_mistakes
 from .errors import MessageError
-from .scene import LENGTH_MAX, MASS_MAX, STIFFNESS_MAX, Cable
 
 NODES_MAX: Final = 20_000
 CONTACTS_MAX: Final = 5_000
 GRASPS_MAX: Final = 100
+SECTIONS_MAX: Final = 1_000
 HUGE: Final = 1e12  # in any unit; a number beyond this is a mistake
 EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
 
 
 def check_cable(cable: Cable) -> None:
     """Check the numbers of a cable that came over the wire."""
-    for name, value, most, unit in (
-        ("length", cable.length, LENGTH_MAX, "m"),
-        ("diameter", cable.diameter, LENGTH_MAX, "m"),
-        ("bending", cable.bending, STIFFNESS_MAX, "N m^2"),
-        ("twist", cable.twist, STIFFNESS_MAX, "N m^2"),
-        ("mass_per_length", cable.mass_per_length, MASS_MAX, "kg/m"),
-    ):
-        is_mass = name == "mass_per_length"
-        if value is not None and not ((value >= 0.0 if is_mass else value > 0.0) and value <= most):
-            sentence = f"cable.{name}: {value!r} must be {'0 or more' if is_mass else 'positive'}, and at most {most:g} {unit}"
-            raise MessageError(sentence, key=f"cable.{name}")
-    if (cable.bending is None) != (cable.twist is None):
-        raise MessageError("cable: has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)", key="cable")
+    _check_numbers("cable", cable)
+    check_count("cable.sections", len(cable.sections), SECTIONS_MAX)
+    check_count("cable.masses", len(cable.masses), SECTIONS_MAX)
+    for index, section in enumerate(cable.sections):
+        _check_numbers(f"cable.sections[{index}]", section)
+    for index, mass in enumerate(cable.masses):
+        _check_numbers(f"cable.masses[{index}]", mass)
+    for name, sentence in cable_mistakes(cable):
+        raise MessageError(f"cable.{sentence}", key=f"cable.{name}")
+
+
+def _check_numbers(key: str, value: Cable | Section | LumpedMass) -> None:
+    """Check every number against the range that its unit has."""
+    for field in fields(value):
+        number, (unit, most) = getattr(value, field.name), _RANGES.get(field.name, ("", HUGE))
+        may_be_zero = field.name in ("mass_per_length", "at", "start")
+        if isinstance(number, float) and not ((number >= 0.0 if may_be_zero else number > 0.0) and number <= most):
+            sentence = f"{key}.{field.name}: {number!r} must be {'0 or more' if may_be_zero else 'positive'}, and at most {most:g} {unit}"
+            raise MessageError(sentence, key=f"{key}.{field.name}")
+
+
+_RANGES: Final = {
+    **dict.fromkeys(("length", "diameter", "micro_length", "start", "end", "at"), ("m", LENGTH_MAX)),
+    **dict.fromkeys(("bending", "bending_2", "twist"), ("N m^2", STIFFNESS_MAX)),
+    "stretch": ("N", FORCE_MAX),
+    "mass_per_length": ("kg/m", MASS_MAX),
+    "mass": ("kg", MASS_MAX),
+}
 
 
 def check_count(key: str, count: int, most: int) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from .errors import CablecosimError, MessageError
 from .messages import AnyMessage, Message, ShapeRequest
-from .scene import Cable
+from .scene import Cable, LumpedMass, Section
 
 _DTYPES: Final = {"<f8": np.dtype("<f8"), "<i8": np.dtype("<i8")}
 
@@ -34,30 +34,38 @@ def decode(data: bytes) -> AnyMessage:
     """
     try:
         message: AnyMessage = _DECODER.decode(data)
+        if isinstance(message, ShapeRequest):
+            _check_cable_fields(data)
     except CablecosimError:
         raise
     except (msgspec.DecodeError, ValueError, RecursionError, OverflowError) as error:
         place = re.search(r"`\$\.(.+?)`", str(error))
         raise MessageError(f"not a message of this protocol: {error}", key=place.group(1) if place else "") from error
-    if isinstance(message, ShapeRequest):
-        _check_cable_fields(data)
     return message
 
 
 def _check_cable_fields(data: bytes) -> None:
-    """Refuse an unknown field of a cable, which a dataclass would take no notice of."""
+    """Refuse an unknown field of a cable or of a part of it, which a dataclass would take no notice of."""
     for index, problem in enumerate(_NAMES.decode(data).problems):
-        for name in problem.cable.keys() - _CABLE_FIELDS:
-            key = f"problems[{index}].cable.{name}"
-            raise MessageError(f"{key}: unknown field; there are {', '.join(sorted(_CABLE_FIELDS))}", key=key)
+        key = f"problems[{index}].cable"
+        _check_names(key, problem.cable, Cable)
+        for name, kind in (("sections", Section), ("masses", LumpedMass)):
+            for place, part in enumerate(problem.cable.get(name, ())):
+                _check_names(f"{key}.{name}[{place}]", part, kind)
 
 
-class _CableNames(msgspec.Struct):
-    cable: dict[str, msgspec.Raw]
+def _check_names(key: str, given: dict[str, Any], kind: type) -> None:
+    known = {field.name for field in fields(kind)}
+    for name in given.keys() - known:
+        raise MessageError(f"{key}.{name}: unknown field; there are {', '.join(sorted(known))}", key=f"{key}.{name}")
 
 
 class _ProblemNames(msgspec.Struct):
-    problems: tuple[_CableNames, ...]
+    cable: dict[str, Any]
+
+
+class _RequestNames(msgspec.Struct):
+    problems: tuple[_ProblemNames, ...]
 
 
 def _encode_array(value: Any) -> Any:
@@ -84,6 +92,5 @@ def _decode_array(kind: type, value: Any) -> Any:
 
 
 _ENCODER: Final = msgspec.msgpack.Encoder(enc_hook=_encode_array)
-_NAMES: Final = msgspec.msgpack.Decoder(_ProblemNames)
-_CABLE_FIELDS: Final = frozenset(field.name for field in fields(Cable))
+_NAMES: Final = msgspec.msgpack.Decoder(_RequestNames)
 _DECODER: Final = msgspec.msgpack.Decoder(AnyMessage, dec_hook=_decode_array)

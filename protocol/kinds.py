@@ -22,6 +22,17 @@ class Hold(Enum):
 
     CLAMP = "clamp"  # position and frame
     HINGE = "hinge"  # position only
+    GUIDE = "guide"  # frame, and position but for sliding along the tangent, as in a sleeve
+
+
+class Model(Enum):
+    """The ladder of models, from cheap to complete."""
+
+    AUTO = "auto"  # the cheapest that keeps the tolerance
+    TAUT = "taut"  # straight line
+    CATENARY = "catenary"  # no bending
+    GRADIENT = "gradient"  # the paper's moment-accepting cable: planar, moderate slopes
+    ROD = "rod"  # everything
 
 
 class Feature(IntEnum):

@@ -20,6 +20,7 @@ from .parts import Contacts as Contacts
 from .parts import Cost as Cost
 from .parts import Grasps as Grasps
 from .parts import Part as Part
+from .parts import PointLoads as PointLoads
 from .parts import Problem as Problem
 from .parts import Shape as Shape
 from .parts import Start as Start
@@ -39,6 +40,9 @@ class ShapeRequest(Message, frozen=True):
     gravity: Vector
     tolerance: float  # m
     problems: tuple[Problem, ...]
+    budget: float | None = None  # s, for each cable: the best answer within that time, in place of the tolerance
+    extrapolate: bool = True  # whether nodes may combine two meshes to fourth order; not for a shape that the next starts from
+    margin: bool = False  # whether the stability margin is wanted too
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -47,6 +51,8 @@ class ShapeRequest(Message, frozen=True):
             raise MessageError(f"step and round: {self.step} and {self.round} must be 0 or more", key="step")
         if not (0 < self.tolerance < EXTENT_MAX):
             raise MessageError(f"tolerance: {self.tolerance!r} m must be positive and finite", key="tolerance")
+        if self.budget is not None and not (0 < self.budget < 1e6):
+            raise MessageError(f"budget: {self.budget!r} s must be positive and finite", key="budget")
         if not all(abs(value) < 1e4 for value in self.gravity):
             raise MessageError(f"gravity: {list(self.gravity)} m/s^2 must be finite and below 1e4", key="gravity")
 

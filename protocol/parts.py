@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import msgspec
 import numpy as np
 
@@ -19,8 +21,11 @@ from .checks import (
     check_units,
 )
 from .errors import MessageError
-from .kinds import FRICTION_CODES, Feature, Hold, Outcome
+from .kinds import FRICTION_CODES, Feature, Hold, Model, Outcome
 from .scene import Cable
+
+TURNS_MAX: Final = 100
+BRANCHES_MAX: Final = 100
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -80,12 +85,26 @@ class Contacts(Part, frozen=True):
         check_units("contacts.direction", self.direction[self.feature == Feature.EDGE])
 
 
+class PointLoads(Part, frozen=True):
+    """Forces given at points of the cable, in the world frame; they do not turn with it."""
+
+    s: np.ndarray  # (p,) m, arc length
+    force: np.ndarray  # (p, 3) N
+
+    def __post_init__(self) -> None:
+        """Check shapes and ranges."""
+        check_count("loads", len(self.s), CONTACTS_MAX)
+        check_floats("loads.s", self.s, (len(self.s),), EXTENT_MAX)
+        check_floats("loads.force", self.force, (len(self.s), 3), 1e9)
+
+
 class Start(Part, frozen=True):
     """Shape to start from: the frame of every segment, and the forces that held it."""
 
     s: np.ndarray  # (n,) m, arc length of every node, from 0 to the cable's length
     frames: np.ndarray  # (n-1, 4) quaternion of every segment
     grasp_forces: np.ndarray  # (g, 3) N, on the cable
+    margin: float | None = None  # N, stability margin of that shape; with it a fold is announced before it is reached
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
@@ -105,6 +124,10 @@ class Problem(Part, frozen=True):
     grasps: Grasps
     contacts: Contacts | None = None
     start: Start | None = None  # without it: a cold start
+    loads: PointLoads | None = None
+    model: Model = Model.AUTO
+    turns: tuple[int, ...] = ()  # whole turns more than the least, from each clamp to the next; none unless given
+    branch: int = 0  # on a cold start, 0: the shape found first; k: the k-th by energy of all stable shapes found, from 1
 
     def __post_init__(self) -> None:
         """Check the cable, and what goes together."""
@@ -118,6 +141,19 @@ class Problem(Part, frozen=True):
             )
         if self.contacts is not None and len(self.contacts.s) and not 0 <= self.contacts.s.min() <= self.contacts.s.max() <= length:
             raise MessageError(f"contacts.s: must lie from 0 to the cable's length, {length:g} m", key="contacts.s")
+        if all(hold is Hold.GUIDE for hold in self.grasps.hold):
+            raise MessageError("grasps.hold: all are guides, along which the cable slides off; add a clamp or a hinge", key="grasps.hold")
+        if self.loads is not None and len(self.loads.s) and not 0 <= self.loads.s.min() <= self.loads.s.max() <= length:
+            raise MessageError(f"loads.s: must lie from 0 to the cable's length, {length:g} m", key="loads.s")
+        clamps = sum(hold is not Hold.HINGE for hold in self.grasps.hold)
+        if self.turns and len(self.turns) != clamps - 1:
+            raise MessageError(
+                f"turns: has {len(self.turns)} entries for {clamps} clamps; give one from each clamp to the next", key="turns"
+            )
+        if any(abs(turns) > TURNS_MAX for turns in self.turns):
+            raise MessageError(f"turns: {list(self.turns)} must lie within {-TURNS_MAX} and {TURNS_MAX}", key="turns")
+        if not 0 <= self.branch <= BRANCHES_MAX:
+            raise MessageError(f"branch: {self.branch} must lie within 0 and {BRANCHES_MAX}", key="branch")
         if self.start is not None and len(self.start.grasp_forces) != len(s):
             raise MessageError(
                 f"start.grasp_forces: has {len(self.start.grasp_forces)} rows for {len(s)} grasps; give one each", key="start.grasp_forces"
@@ -127,8 +163,10 @@ class Problem(Part, frozen=True):
 class Cost(Part, frozen=True):
     """What an answer cost, in seconds of wall time by part."""
 
-    solve: float  # equilibrium iterations, stability included
+    solve: float  # equilibrium iterations, on all meshes
     estimate: float  # error estimate
+    certify: float  # stability margin
+    factorisations: int  # of the system of the finest mesh or of a coarser one, all counted
     path: str  # "numba", "numpy", "closed form" or "none"
 
 
@@ -145,12 +183,19 @@ class Shape(Part, frozen=True):
     contact_s: np.ndarray  # (m,) m, where along the cable each contact has slid to
     outcome: Outcome
     sentence: str  # how it ended
-    model: str  # "rod" or "catenary"
+    model: str  # "taut", "catenary", "gradient" or "rod"
     effects: tuple[str, ...]  # simulated
+    left_out: dict[str, float]  # m, predicted size of the effects that the model leaves out though the cable has them
     error: float | None  # m, estimated error of the node positions; None where the outcome is no shape
+    error_tension: float | None  # N
+    error_curvature: float | None  # 1/m
     residual: float  # N, largest unbalanced force
     iterations: int
+    energy: float  # J, elastic and of the loads, which count from the world's origin
+    total_twist: float  # rad, of the section about the tangent, from the first node to the last
     is_stable: bool  # certified from the inertia of the system, in three dimensions
+    margin: float | None  # N, smallest stiffness against turning the segments, over their length; zero at a fold; None: not asked
+    fold: float | None  # further steps like the last one until the shape snaps, predicted; None where no fold is in sight
     cost: Cost
 
     def __post_init__(self) -> None:

@@ -11,45 +11,25 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
-from annotated_types import Ge, Gt, Le, MinLen
+from annotated_types import Ge, Le, MinLen
 
+from .cable import LENGTH_MAX as LENGTH_MAX
+from .cable import STRICT as STRICT
+from .cable import Cable as Cable
+from .cable import LumpedMass as LumpedMass
+from .cable import Positive as Positive
+from .cable import Section as Section
+from .cable import Unit as Unit
+from .cable import Vector as Vector
+from .cable import cable_mistakes
 from .errors import SceneError
 from .kinds import Friction, Hold
 
-Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # (x, y, z, w)
 
-STRICT: Final = {"extra": "forbid"}
-"""Tells pydantic to refuse unknown keys; read only by `scenarios.load`."""
-
-
-@dataclass(frozen=True)
-class Unit:
-    """Unit of a number at a field, so that a scene file may say "9 mm" where 0.009 is meant."""
-
-    name: str
-
-
-LENGTH_MAX: Final = 1e4  # m; what is beyond these bounds is a mistake of unit, not a cable
-MASS_MAX: Final = 1e4  # kg/m
-STIFFNESS_MAX: Final = 1e9  # N m^2
 STEPS_MAX: Final = 1_000_000
 
-Positive = Annotated[float, Gt(0)]
 Metres = Annotated[Vector, Unit("m")]
-
-
-@dataclass(frozen=True)
-class Cable:
-    """A cable of uniform round section, naturally straight and inextensible. A number asks for an effect."""
-
-    __pydantic_config__: ClassVar = STRICT
-    name: Annotated[str, MinLen(1)]
-    length: Annotated[Positive, Le(LENGTH_MAX), Unit("m")]
-    diameter: Annotated[Positive, Le(LENGTH_MAX), Unit("m")]
-    mass_per_length: Annotated[float, Ge(0), Le(MASS_MAX), Unit("kg/m")]
-    bending: Annotated[Positive, Le(STIFFNESS_MAX), Unit("N m^2")] | None = None  # EI; without it the cable is a catenary
-    twist: Annotated[Positive, Le(STIFFNESS_MAX), Unit("N m^2")] | None = None  # GJ; goes with bending
 
 
 @dataclass(frozen=True)
@@ -190,14 +170,11 @@ def check_scene(scene: Scene) -> None:
 
 
 def _check_cable(key: str, cable: Cable) -> None:
+    for name, sentence in cable_mistakes(cable):
+        raise SceneError(f"{key}{sentence if name == '' else f'.{sentence}'}", key=f"{key}.{name}" if name else key)
     if cable.diameter >= cable.length:
         raise SceneError(
             f"{key}.diameter: {cable.diameter:g} m must be smaller than the cable's length, {cable.length:g} m", key=f"{key}.diameter"
-        )
-    if (cable.bending is None) != (cable.twist is None):
-        missing = "twist" if cable.twist is None else "bending"
-        raise SceneError(
-            f"{key}.{missing}: missing; a cable has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)", key=f"{key}.{missing}"
         )
 
 

@@ -2,4 +2,5 @@
 
 from __future__ import annotations
 
+from .follower import Follower as Follower
 from .solve import solve as solve

@@ -18,7 +18,7 @@ from protocol.messages import ShapeReply, ShapeRequest
 
 from .paths import CHOICES, Paths, warm_up
 from .server import ShapeServer
-from .solve import solve
+from .solve import answer
 
 
 def main() -> int:
@@ -67,7 +67,7 @@ def _solve_posture(kernels: str) -> None:
     if not isinstance(request, ShapeRequest):
         raise CablecosimError(f"standard input holds a {type(request).__name__}; must be a ShapeRequest")
     paths = Paths("numpy" if kernels == "auto" else kernels)
-    shapes = tuple(solve(problem, request.gravity, tolerance=request.tolerance, path=paths.current) for problem in request.problems)
+    shapes = tuple(answer(problem, request, paths.current) for problem in request.problems)
     busy = sum(shape.cost.solve + shape.cost.estimate for shape in shapes)
     reply = ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=busy)
     sys.stdout.buffer.write(encode(reply))

@@ -4,81 +4,79 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.kinds import FRICTION_CODES, Friction, Hold, Outcome
+from protocol.kinds import Outcome
 from protocol.messages import Cost, Problem, Shape
 from protocol.scene import Vector
 
-from . import numpy_path, reading
-from .equilibrium import Settled
+from . import numpy_path
 from .hanging import solve_hanging
-from .rod import Rod, State, unbalanced
+from .reading import Reading, contact_places
+from .task import Solution, Task
 
 
-def rod_shape(
-    problem: Problem, used: tuple[str, ...], rod: Rod, found: Settled, sentence: str, error: float, times: tuple[float, float]
-) -> Shape:
-    """The answer that a settled rod is.
+@dataclass(frozen=True)
+class Price:
+    """Estimated errors of an answer, and what it took; an error that is not finite is not known."""
 
-    Args:
-        problem: What was asked.
-        used: Names of the effects simulated.
-        rod: The system.
-        found: Where it settled.
-        sentence: How it got there.
-        error: [m] Estimated error of the nodes; not finite if there is no estimate.
-        times: [s] When the solution was begun and when it was found.
-    """
-    state, view = found.state, found.view
-    curvature, moments = reading.curvature_and_moments(rod, state)
-    grasp_count = len(problem.grasps.s)
-    wrenches = np.zeros((grasp_count, 6))
-    wrenches[1:, :3] = state.force[: grasp_count - 1]
-    clamps = [k for k, hold in enumerate(problem.grasps.hold) if hold is Hold.CLAMP]
-    wrenches[clamps, 3:] = moments
-    contact_count = 0 if problem.contacts is None else len(problem.contacts.s)
-    contact_forces, contact_s = np.zeros((contact_count, 3)), np.zeros(contact_count)
-    if problem.contacts is not None:
-        contact_s[:] = problem.contacts.s
-        contact_forces[problem.contacts.friction == FRICTION_CODES.index(Friction.BOND)] = state.force[grasp_count - 1 :]
-        if rod.touch is not None:
-            np.add.at(contact_forces, rod.touch.index, state.push[:, None] * view.push)
-            contact_s = _slid(rod, state, contact_s)
-    wrenches[0, :3] = -(rod.loads.sum(axis=0) + wrenches[1:, :3].sum(axis=0) + contact_forces.sum(axis=0))
+    error: float  # m
+    error_tension: float  # N
+    error_curvature: float  # 1/m
+    iterations: int
+    solved: float  # s, when the last shape was found
+
+
+def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, price: Price) -> Shape:
+    """The answer that a settled rod is; `reading` may combine it with that of a coarser mesh."""
+    found, system = solution.found, solution.system
+    estimated = time.perf_counter()
+    margin = float(task.path.smallest_stiffness(system.rod, found.state, found.seen)[0]) if task.margin else None
     return Shape(
-        s=rod.mesh.s,
-        nodes=view.nodes,
-        frames=state.frames,
-        tension=reading.tension(rod, state, view),
-        curvature=curvature,
-        grasp_wrenches=wrenches,
-        contact_forces=contact_forces,
-        contact_s=contact_s,
+        s=system.mesh.s,
+        nodes=reading.nodes,
+        frames=found.state.frames,
+        tension=reading.tension,
+        curvature=reading.curvature,
+        grasp_wrenches=reading.wrenches,
+        contact_forces=reading.contact_forces,
+        contact_s=contact_places(task.problem, system, found),
         outcome=Outcome.CONVERGED,
         sentence=sentence,
         model="rod",
-        effects=used,
-        error=error if math.isfinite(error) else None,
-        residual=unbalanced(rod, state, view),
-        iterations=found.iterations,
-        is_stable=found.is_stable,
+        effects=task.used,
+        left_out={},
+        error=_known(price.error),
+        error_tension=_known(price.error_tension),
+        error_curvature=_known(price.error_curvature),
+        residual=float(task.path.unbalanced(system.rod, found.state, found.seen)),
+        iterations=price.iterations,
+        energy=reading.energy,
+        total_twist=reading.total_twist,
+        is_stable=bool(found.is_stable),
+        margin=margin,
+        fold=_steps_to_fold(task.problem.start.margin if task.problem.start is not None else None, margin),
         cost=Cost(
-            solve=times[1] - times[0],
-            estimate=time.perf_counter() - times[1],
-            path="numpy" if rod.path is numpy_path else "numba",
+            solve=price.solved - task.begun,
+            estimate=estimated - price.solved,
+            certify=time.perf_counter() - estimated,
+            factorisations=price.iterations,
+            path="numpy" if task.path is numpy_path else "numba",
         ),
     )
 
 
-def _slid(rod: Rod, state: State, s: np.ndarray) -> np.ndarray:
-    """Where along the cable every contact is (m,) [m]: the middle of its rows, by their forces; where it was if it is open."""
-    assert rod.touch is not None
-    place = rod.mesh.s[rod.touch.element] + state.fraction * rod.mesh.lengths[rod.touch.element]
-    force = np.bincount(rod.touch.index, weights=state.push, minlength=len(s))
-    moment = np.bincount(rod.touch.index, weights=state.push * place, minlength=len(s))
-    return np.where(force > 0.0, moment / np.where(force > 0.0, force, 1.0), s)
+def _known(error: float) -> float | None:
+    return float(error) if math.isfinite(error) else None
+
+
+def _steps_to_fold(before: float | None, now: float | None) -> float | None:
+    """Steps like the last one until the margin is zero: near a fold its square falls linearly (a square-root singularity)."""
+    if before is None or now is None or not before > now > 0.0:
+        return None
+    return now**2 / (before**2 - now**2)
 
 
 def catenary_shape(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
@@ -101,11 +99,18 @@ def catenary_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
         sentence=hanging.sentence,
         model="catenary",
         effects=used,
+        left_out={},
         error=hanging.sag,
+        error_tension=0.0,
+        error_curvature=0.0,
         residual=0.0,
         iterations=0,
+        energy=hanging.energy,
+        total_twist=0.0,
         is_stable=True,
-        cost=Cost(solve=time.perf_counter() - begun, estimate=0.0, path="closed form"),
+        margin=None,
+        fold=None,
+        cost=Cost(solve=time.perf_counter() - begun, estimate=0.0, certify=0.0, factorisations=0, path="closed form"),
     )
 
 
@@ -126,9 +131,16 @@ def no_shape(
         sentence=f"{sentence}. {outcome.advice}",
         model=model,
         effects=used,
+        left_out={},
         error=None,
+        error_tension=None,
+        error_curvature=None,
         residual=0.0,
         iterations=iterations,
+        energy=0.0,
+        total_twist=0.0,
         is_stable=False,
-        cost=Cost(solve=seconds, estimate=0.0, path="none"),
+        margin=None,
+        fold=None,
+        cost=Cost(solve=seconds, estimate=0.0, certify=0.0, factorisations=iterations, path="none"),
     )

@@ -1,77 +1,119 @@
-"""The border of the system: rows of held points, contacts and curved features, on the way to `closing`."""
+"""The border of the system: rows of held points, contacts and curved features, on the way to `closing`, compiled."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
+
+from .rod import is_active
+
+SOFTNESS = 1e-7  # m by which a contact or bond gives way under the typical force
 
 
-@dataclass(frozen=True)
-class Border:
+class Border(NamedTuple):
     """Rows in the order: held points, contacts, curvature."""
 
-    count: int
     element: np.ndarray  # (count,) int
     fraction: np.ndarray  # (count,)
     vector: np.ndarray  # (count, 3)
-    is_turn: np.ndarray  # (count,) int
-    compliance: np.ndarray  # (count, count)
-    residual: np.ndarray  # (count,)
+    is_turn: np.ndarray  # (count,) bool
+    compliance: np.ndarray  # (count, count) m/N
+    residual: np.ndarray  # (count,) m
+    held: np.ndarray  # (h,) int, which rows of held points are here
     contacts: np.ndarray  # (c,) int, which contacts have a row
-    first_contact: int
     saddles: int  # negative directions that the curvature rows bring with them
-    is_exact: bool
 
 
-@dataclass(frozen=True)
-class Curvature:
-    """Rows that carry the curvature of edges and vertices, see `contact_geometry`."""
+@njit(cache=True)
+def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
+    """All rows at a state.
 
-    contact: list[int]
-    vector: np.ndarray  # (rows, 3)
-    is_turn: np.ndarray  # (rows,) int
-    compliance: np.ndarray  # (rows, rows)
-    saddles: int
-
-
-def curvature_rows(
-    slide: np.ndarray, across: np.ndarray, normal: np.ndarray, numbers: np.ndarray, push: np.ndarray, curved: list[int]
-) -> Curvature:
-    """Rows for the contacts named in `curved`, with the inverse of minus the force times the second derivative as compliance.
-
-    A sliding contact has a block over the rows (a, b_) = (m . dc, n . dt), which brings one negative direction: without a bulge
-    it is [[-d, mu], [mu, 0]] / force. Any other row has -d / force.
+    Contacts are those that may push: all of them with exact rows, for which `soft` is (0, 0); those that touch otherwise, with
+    `soft` [m/N] the compliances of held points and contacts, whose forces already balance (augmented Lagrangian).
     """
-    contact: list[int] = []
-    vector: list[np.ndarray] = []
-    turned: list[int] = []
-    blocks: list[np.ndarray] = []
-    saddles = 0
-    for c in curved:
-        mu, distance, _, curve = numbers[c]
-        bend = distance / push[c]
-        if mu != 0.0:
-            contact += [c, c]
-            vector += [slide[c], normal[c]]
-            turned += [0, 1]
-            own, cross = curve / mu**2, 1.0 / mu + curve * distance / mu**3
-            turn = distance / mu**2 + curve * distance**2 / mu**4
-            blocks.append(np.array([[turn, -cross], [-cross, own]]) / (push[c] * (own * turn - cross**2)))
-            saddles += 1
-        else:
-            contact.append(c)
-            vector.append(slide[c])
-            turned.append(0)
-            blocks.append(np.array([[-bend]]))
-        if across[c].any():
-            contact.append(c)
-            vector.append(across[c])
-            turned.append(0)
-            blocks.append(np.array([[-bend]]))
-    compliance = np.zeros((len(contact), len(contact)))
-    at = 0
-    for block in blocks:
-        compliance[at : at + len(block), at : at + len(block)] = block
-        at += len(block)
-    return Curvature(contact, np.array(vector).reshape(-1, 3), np.array(turned, dtype=np.int64), compliance, saddles)
+    is_exact = soft[0] == 0.0
+    held = np.array([row for row in range(len(rod.held.element)) if is_active(rod, state, row)], dtype=np.int64)
+    contacts = np.arange(len(state.touches)) if is_exact else np.flatnonzero(state.touches)
+    bent, rows, saddles = _bent(rod, state, view)
+    first, last = len(held), len(held) + len(contacts)
+    count = last + rows
+    element, fraction, vector = np.empty(count, dtype=np.int64), np.empty(count), np.empty((count, 3))
+    is_turn, compliance, residual = np.zeros(count, dtype=np.bool_), np.zeros((count, count)), np.zeros(count)
+    hard = SOFTNESS / rod.force_scale
+    for k in range(first):
+        row = held[k]
+        element[k], fraction[k], vector[k] = rod.held.element[row], rod.held.fraction[row], rod.held.axis[row]
+        if not is_exact:
+            compliance[k, k] = soft[0]
+            continue
+        residual[k] = view.miss[row]
+        if rod.held.bond[row] >= 0:
+            compliance[k, k] = hard
+            residual[k] += hard * state.force[row]
+    for k in range(first, last):
+        row = contacts[k - first]
+        element[k], fraction[k], vector[k] = rod.touch.element[row], state.fraction[row], view.push[row]
+        compliance[k, k] = hard if is_exact else soft[1]
+        residual[k] = view.gap[row] + hard * state.push[row] if is_exact else 0.0
+    at = last
+    for row in bent:
+        at = _add_curvature(rod, state, view, row, at, element, fraction, vector, is_turn, compliance)
+    return Border(
+        element=element,
+        fraction=fraction,
+        vector=vector,
+        is_turn=is_turn,
+        compliance=compliance,
+        residual=residual,
+        held=held,
+        contacts=contacts,
+        saddles=saddles,
+    )
+
+
+@njit(cache=True)
+def _bent(rod, state, view):  # type: ignore[no-untyped-def]
+    """Contacts whose feature is curved and pushes, the rows they need, and the negative directions those bring."""
+    chosen, rows, saddles = np.empty(len(state.push), dtype=np.int64), 0, 0
+    count = 0
+    for c in range(len(state.push)):
+        if state.push[c] > 1e-9 * rod.force_scale and np.any(view.slide[c] != 0.0):
+            chosen[count] = c
+            count += 1
+            slides = view.numbers[c, 0] != 0.0
+            rows += (2 if slides else 1) + (1 if np.any(view.across[c] != 0.0) else 0)
+            saddles += 1 if slides else 0
+    return chosen[:count], rows, saddles
+
+
+@njit(cache=True)
+def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, compliance):  # type: ignore[no-untyped-def]
+    """Rows that carry the curvature of an edge or a vertex, see `contact_geometry`; returns the next free row.
+
+    Their compliance is the inverse of minus the force times the second derivative of the gap. A sliding contact has a block over
+    the rows (a, b_) = (m . dc, n . dt), which brings one negative direction: without a bulge it is [[-d, mu], [mu, 0]] / force.
+    Any other row has -d / force.
+    """
+    mu, distance, curve, push = view.numbers[c, 0], view.numbers[c, 1], view.numbers[c, 3], state.push[c]
+    start = at
+    vector[at] = view.slide[c]
+    if mu != 0.0:
+        own, cross = curve / mu**2, 1.0 / mu + curve * distance / mu**3
+        turn = distance / mu**2 + curve * distance**2 / mu**4
+        scale = 1.0 / (push * (own * turn - cross**2))
+        vector[at + 1], is_turn[at + 1] = view.normal[c], True
+        compliance[at, at], compliance[at + 1, at + 1] = scale * turn, scale * own
+        compliance[at, at + 1] = compliance[at + 1, at] = -scale * cross
+        at += 2
+    else:
+        compliance[at, at] = -distance / push
+        at += 1
+    if np.any(view.across[c] != 0.0):
+        vector[at] = view.across[c]
+        compliance[at, at] = -distance / push
+        at += 1
+    for k in range(start, at):
+        element[k], fraction[k] = rod.touch.element[c], state.fraction[c]
+    return at

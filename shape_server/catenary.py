@@ -1,12 +1,27 @@
-"""The catenary: a cable without bending, hanging between points where it is held, in closed form.
+"""The catenary: a cable without bending, hanging between two points, rigid or elastic, in closed form.
 
-Between two points at horizontal distance d and height v, a cable of length L and weight w per metre hangs as
-y = a cosh((u - u0) / a), with the horizontal force H = w a. The one unknown x = d / 2a solves
+The part beyond arc length s pulls on the part before it with a horizontal force H [N], the same everywhere, and with a
+vertical force V = V_0 + w s [N] that carries the weight w [N/m]; the tension is T = sqrt(H^2 + V^2). The cable stretches by
+T / EA, so that (Irvine 1981, "Cable structures", MIT Press, ch. 1, with s counted from the other end)
 
-    sinh(x) / x = sqrt(L^2 - v^2) / d
+    x(s) = H s / EA + (H / w) (asinh(V / H) - asinh(V_0 / H))                                 [m]
+    y(s) = (V^2 - V_0^2) / 2 w EA + (sqrt(H^2 + V^2) - sqrt(H^2 + V_0^2)) / w                 [m]
 
-and everything else follows (Irvine 1981, "Cable Structures", ch. 1). Inextensible; moments are left out, which moves a
-cable that bends by 1.2 sqrt(EI / T) beside a clamp. Tails beyond the outermost held points hang straight down.
+Written here so that nothing cancels: a taut cable, a slack one and one that hangs double (H = 0) share `_piece`.
+
+Two unknowns, H and V_0, meet the span d and the rise r of the ends. Let lengths be in units of L and forces of w L, e = w L / EA,
+and call asinh(V_1 / H), asinh(V_0 / H) = m +- u at the two ends. V_1 - V_0 = 1 gives H = 1 / (2 cosh m sinh u), the mean
+vertical force is tanh m / (2 tanh u), and the equations above become
+
+    d = (u + e/2) / (cosh m sinh u),      r = c tanh m,      c = 1 + (e/2) coth u.
+
+m drops out, and one equation is left for u; its left side falls with u, so that there is exactly one shape:
+
+    (1 + e/2u) sqrt(c^2 - r^2) / (c sinh(u) / u) = d       rigid (e = 0):  sinh(u) / u = sqrt(1 - r^2) / d
+
+Moments are left out, which moves a cable that bends by 1.2 sqrt(EI / T) beside a clamp. The rigid cable leaves out that it is longer
+by T L / EA, which counts like slack and so matters first where there is little of it. Tails beyond the outermost held points hang
+straight down.
 """
 
 from __future__ import annotations
@@ -16,7 +31,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-TAUT = 1e-12  # of the length; with less slack the piece is a straight line
+TAUT = 1e-12  # of the length; a rigid cable with less slack is given this much, so that its tension stays finite
+FOLDED = 1e-12  # of the length; ends nearer to one vertical than this hang double, or straight down
+STEPS_MAX = 200  # of Newton's method; measured 5 to 12, and up to 54 for a stretched cable beside the vertical
 
 
 @dataclass(frozen=True)
@@ -28,10 +45,23 @@ class Piece:
     start_force: np.ndarray  # (3,) N, on the piece at its first end
     end_force: np.ndarray  # (3,) N, on the piece at its last end
     curvature: np.ndarray  # (n,) 1/m
+    strain: np.ndarray  # (n,) share by which the cable is longer than unstretched; zero where it is rigid
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """The plane of gravity and chord."""
+
+    weight: float  # N/m
+    up: np.ndarray  # (3,)
+    side: np.ndarray  # (3,) horizontal, towards the end; zero where the ends lie on one vertical
+    span: float  # m, along `side`
+    rise: float  # m, along `up`
+    chord: float  # m
 
 
 def hang(start: np.ndarray, end: np.ndarray, length: float, load: np.ndarray, s: np.ndarray) -> Piece:
-    """The shape of a piece between two points.
+    """The shape of a rigid piece between two points.
 
     Args:
         start: (3,) m.
@@ -40,32 +70,46 @@ def hang(start: np.ndarray, end: np.ndarray, length: float, load: np.ndarray, s:
         load: (3,) [N/m] Weight per metre, not zero.
         s: (n,) [m] Arc lengths asked for.
     """
-    weight = float(np.linalg.norm(load))
-    up = -load / weight
-    chord = end - start
-    rise = float(chord @ up)
-    across = chord - rise * up
-    span = float(np.linalg.norm(across))
-    if span < 1e-9 * length:
-        return _fold(start, rise, length, weight, up, s)
-    side = across / span
-    chord_size = float(np.linalg.norm(chord))
-    slack = max(length - chord_size, TAUT * length)
-    root = math.sqrt(max(length - abs(rise), 0.0) * (length + abs(rise)))
-    a = span / (2 * parameter(slack * (length + chord_size) / (span * (span + root))))
+    plane = _plane(start, end, load)
+    span, rise, weight = plane.span, plane.rise, plane.weight
+    if span < FOLDED * length:
+        return _piece(start, plane, 0.0, -0.5 * weight * (length - rise), length, math.inf, s)
+    left = max(length - plane.chord, TAUT * length) * (length + plane.chord)  # L^2 - chord^2
+    root = math.sqrt(left + span * span)  # sqrt(L^2 - rise^2)
+    u = parameter(left / (span * (span + root)))
+    horizontal = weight * span / (2 * u)
     lean = math.asinh(rise / root)  # atanh(rise / length), exact near 1
-    first = math.sinh(lean - span / (2 * a))
-    slope = first + s / a
-    root0 = math.sqrt(1 + first * first)
-    root1 = np.sqrt(1 + slope * slope)
-    u = a * (np.arcsinh(slope) - math.asinh(first))
-    y = s * (slope + first) / (root1 + root0)  # a (root1 - root0) without cancellation
-    nodes = start + u[:, None] * side + y[:, None] * up
-    tension = weight * a * root1
-    last = first + length / a
-    start_force = -weight * a * (side + first * up)
-    end_force = weight * a * (side + last * up)
-    return Piece(nodes, tension, start_force, end_force, 1 / (a * root1**2))
+    return _piece(start, plane, horizontal, horizontal * math.sinh(lean - u), length, math.inf, s)
+
+
+def hang_elastic(start: np.ndarray, end: np.ndarray, length: float, load: np.ndarray, stretch: float, s: np.ndarray) -> Piece:
+    """The shape of an elastic piece between two points, which may be further apart than it is long.
+
+    Args:
+        start: (3,) m.
+        end: (3,) m.
+        length: [m] Unstretched.
+        load: (3,) [N/m] Weight per unstretched metre; may be zero where the chord is no shorter than the length.
+        stretch: [N] EA; infinity gives the rigid piece.
+        s: (n,) [m] Unstretched arc lengths asked for.
+
+    Raises:
+        ValueError: If the piece is slack and weighs nothing: it has no definite shape then.
+    """
+    if math.isinf(stretch):
+        return hang(start, end, length, load, s)
+    if not load.any():
+        return _weightless(start, end, length, stretch, s)
+    plane = _plane(start, end, load)
+    total = plane.weight * length
+    span, rise, e = plane.span / length, plane.rise / length, total / stretch
+    if span < FOLDED:
+        middle = rise / (2 + e) if abs(rise) <= 1 + e / 2 else (rise - math.copysign(1.0, rise)) / e
+        return _piece(start, plane, 0.0, total * (middle - 0.5), length, stretch, s)
+    u = _elastic_parameter(span, rise, plane.chord / length, e)
+    horizontal = total * span / (2 * u + e)
+    lean = math.asinh(rise * (u + e / 2) / (span * (math.sinh(u) + e / 2 * math.cosh(u))))
+    return _piece(start, plane, horizontal, horizontal * math.sinh(lean - u), length, stretch, s)
 
 
 def parameter(excess: float) -> float:
@@ -73,14 +117,8 @@ def parameter(excess: float) -> float:
     x = math.sqrt(6 * excess) if excess < 3 else math.log(2 * (1 + excess) * math.log(2 * (1 + excess)))
     goal = math.log1p(excess)
     for _ in range(60):
-        if x < 0.5:
-            square = x * x
-            value = math.log1p(square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72 * (1 + square / 110)))))
-            slope = x / 3 * (1 - square / 15 * (1 - 2 * square / 21 * (1 - square / 10)))
-        else:
-            value = x + math.log(-math.expm1(-2 * x) / (2 * x))
-            slope = 1 / math.tanh(x) - 1 / x
-        step = (value - goal) / slope
+        grown, over = _sinh_over(x)
+        step = x * (math.log1p(grown) - goal) / over
         x -= min(step, 0.5 * x)
         if abs(step) < 1e-15 * x:
             break
@@ -92,9 +130,90 @@ def straight(start: np.ndarray, end: np.ndarray, length: float, s: np.ndarray) -
     return start + np.outer(s / length, end - start)
 
 
-def _fold(start: np.ndarray, rise: float, length: float, weight: float, up: np.ndarray, s: np.ndarray) -> Piece:
-    """The piece between two points one above the other: straight down to the fold, straight up again."""
-    down = 0.5 * (length - rise)
-    height = np.abs(s - down) - down
-    tension = weight * np.abs(s - down)
-    return Piece(start + np.outer(height, up), tension, weight * down * up, weight * (length - down) * up, np.zeros(len(s)))
+def _plane(start: np.ndarray, end: np.ndarray, load: np.ndarray) -> _Plane:
+    # Sums, not dot products: the compiled twin adds in the same order, and 1 - chord / length magnifies the last bit.
+    weight = math.sqrt((load * load).sum())
+    up = -load / weight
+    chord = end - start
+    rise = float((chord * up).sum())
+    across = chord - rise * up
+    span = math.sqrt((across * across).sum())
+    side = across / span if span > 0.0 else across
+    return _Plane(weight, up, side, span, rise, math.sqrt((chord * chord).sum()))
+
+
+def _piece(start: np.ndarray, plane: _Plane, horizontal: float, first: float, length: float, stretch: float, s: np.ndarray) -> Piece:
+    """The curve with horizontal force H and vertical force V_0 = `first` [N] at its beginning."""
+    H, weight = horizontal, plane.weight
+    V, last = first + weight * s, first + weight * length
+    T, T_0 = np.hypot(H, V), math.hypot(H, first)
+    pull = np.maximum(T, 1e-300)  # zero at a fold
+    y = s * (V + first) * (1 / (pull + T_0) + 0.5 / stretch)
+    x = H / stretch * s
+    if H > 0.0:
+        # sinh(asinh(V / H) - asinh(V_0 / H)) two ways: each cancels where the other does not.
+        is_same = V * first > 0.0
+        sum_ = np.where(is_same, V * T_0 + first * T, 1.0)
+        x = x + H / weight * np.arcsinh(np.where(is_same, weight * s * (V + first) / sum_, (V * T_0 - first * T) / H / H))
+    return Piece(
+        nodes=start + x[:, None] * plane.side + y[:, None] * plane.up,
+        tension=T,
+        start_force=-H * plane.side - first * plane.up,
+        end_force=H * plane.side + last * plane.up,
+        curvature=weight / pull * (H / pull) / (1 + T / stretch),
+        strain=T / stretch,
+    )
+
+
+def _elastic_parameter(d: float, r: float, chord: float, e: float) -> float:
+    """The u of the module's one equation, by Newton's method on logarithms kept between bounds.
+
+    Squared, and with k = e/2u, the equation says (k - chord + 1)(k + chord + 1) + r^2 (1 - (1 + k)^2 / c^2) = d^2 (sinh(u)^2 / u^2 - 1).
+    No term of it cancels, so that a cable taut to 1e-12 and one stretched by 1e-12 keep all their digits.
+    """
+    slack = 1 - chord
+    u = math.sqrt(6 * max(slack, 0.0)) + (3 * e) ** (1 / 3) if -2 * slack < e ** (2 / 3) else -e / (2 * slack)
+    u, low, high = min(u, 2 + math.log1p(1 / d)), 0.0, math.inf
+    for _ in range(STEPS_MAX):
+        k = e / (2 * u)
+        grown, over = _sinh_over(u)  # sinh(u)/u - 1, and u coth(u) - 1
+        c = 1 + k * (1 + over)
+        kept = k * over * (2 * (1 + k) + k * over) / (c * c)  # 1 - (1 + k)^2 / c^2
+        residual = (k + slack) * (1 + k + chord) + r * r * kept - d * d * grown * (2 + grown)
+        ratio = residual / (d * (1 + grown)) ** 2
+        low, high = (u, high) if residual > 0 else (low, u)
+        step = math.inf
+        if ratio > -1:
+            left = max(c * c - r * r, 1e-300)
+            slope = -k / (1 + k) - over - k / (1 + grown) ** 2 * r * r / (c * left)
+            step = -0.5 * math.log1p(ratio) / slope
+        following = u * math.exp(max(min(step, 2.0), -2.0))
+        if not low < following < high:
+            following = 0.25 * u if low == 0.0 else (4 * u if math.isinf(high) else math.sqrt(low * high))
+        if abs(step) < 1e-15 or high < low * (1 + 1e-15):
+            break
+        u = following
+    return u
+
+
+def _sinh_over(u: float) -> tuple[float, float]:
+    """The pair sinh(u)/u - 1 and u coth(u) - 1, without cancellation."""
+    if u > 1:
+        ratio = math.sinh(u) / u
+        return ratio - 1, u / math.tanh(u) - 1
+    term, grown, difference = 1.0, 0.0, 0.0
+    for j in range(2, 22, 2):
+        term *= u * u / (j * (j + 1))  # u^j / (j+1)!
+        grown += term
+        difference += j * term
+    return grown, difference / (1 + grown)
+
+
+def _weightless(start: np.ndarray, end: np.ndarray, length: float, stretch: float, s: np.ndarray) -> Piece:
+    chord = end - start
+    size = math.sqrt((chord * chord).sum())
+    if size < length * (1 - TAUT):
+        raise ValueError(f"a slack cable of {length:.6g} m between points {size:.6g} m apart has no definite shape without weight")
+    strain = max(size / length - 1, 0.0)
+    force, ones = stretch * strain * chord / size, np.ones(len(s))
+    return Piece(straight(start, end, length, s), stretch * strain * ones, -force, force, 0.0 * ones, strain * ones)

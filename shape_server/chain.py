@@ -68,3 +68,42 @@ def retract(frames, turn):  # type: ignore[no-untyped-def]
         scale = 1.0 / np.sqrt(x * x + y * y + z * z + w * w)
         out[j, 0], out[j, 1], out[j, 2], out[j, 3] = scale * x, scale * y, scale * z, scale * w
     return out
+
+
+@njit(cache=True)
+def interpolate_frames(there, frames, here):  # type: ignore[no-untyped-def]
+    """Frames (m, 4) at the arc lengths `here` (m,) from the frames (n, 4) at `there` (n,): cubic through the four nearest.
+
+    Both are in growing order. With fewer than four frames the polynomial is of as high an order as they allow.
+    """
+    count, many = len(there), len(here)
+    width = min(4, count)
+    out, aligned = np.empty((many, 4)), frames.copy()
+    for j in range(1, count):
+        dot = 0.0
+        for k in range(4):
+            dot += aligned[j, k] * aligned[j - 1, k]
+        if dot < 0.0:
+            for k in range(4):
+                aligned[j, k] = -aligned[j, k]
+    at = 0
+    for i in range(many):
+        while at + 1 < count and there[at + 1] <= here[i]:
+            at += 1
+        first = min(max(at - 1, 0), count - width)
+        size = 0.0
+        for k in range(4):
+            out[i, k] = 0.0
+        for a in range(first, first + width):
+            weight = 1.0
+            for b in range(first, first + width):
+                if b != a:
+                    weight *= (here[i] - there[b]) / (there[a] - there[b])
+            for k in range(4):
+                out[i, k] += weight * aligned[a, k]
+        for k in range(4):
+            size += out[i, k] * out[i, k]
+        size = 1.0 / np.sqrt(max(size, 1e-300))
+        for k in range(4):
+            out[i, k] *= size
+    return out

@@ -1,4 +1,4 @@
-"""The small dense system over the border rows, solved: how held points and contacts are closed together.
+"""The small dense system over the border rows, solved: how held points and contacts are closed together, compiled.
 
 After the block-tridiagonal part is eliminated there remains S d = r over the rows, in the order held points, contacts,
 curvature. Rows of held points and of curvature are equations. Rows of contacts are complementary: with f the new force,
@@ -8,7 +8,7 @@ curvature. Rows of held points and of curvature are equations. Rows of contacts 
 a linear complementarity problem over the contacts once the equations are eliminated. It is solved by exchanging all
 offending rows at once while their number falls, and the last of them alone where it does not (block principal pivoting
 with Murty's rule; Judice and Pires 1994, "A block principal pivoting algorithm for large-scale strictly monotone linear
-complementarity problems"), which ends for every stable state. Written so that numba compiles it and numpy runs it.
+complementarity problems"), which ends for every stable state.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .symmetric import solve_symmetric
+
 EXCHANGES_MAX = 200
 PATIENCE = 3  # block exchanges allowed without progress
-FLOOR = 1e-12  # added to the diagonal of a scaled matrix; a row without any compliance is held this softly
 
 
 @njit(cache=True)
@@ -38,32 +39,34 @@ def close(matrix, right, first_contact, contact_count, push, is_exact):  # type:
         rows but those of open contacts.
     """
     count = len(right)
-    rows = np.arange(count)
     closed = np.ones(contact_count, dtype=np.bool_)
     change = np.zeros(count)
+    if count == 0:
+        return change, closed, 0
+    if not is_exact or contact_count == 0:
+        solved, positive = solve_symmetric(matrix, right.reshape(count, 1))
+        change[:] = solved[:, 0]
+        return change, closed, positive
+    rows = np.arange(count)
     free = rows[first_contact : first_contact + contact_count]
     fixed = np.concatenate((rows[:first_contact], rows[first_contact + contact_count :]))
-    if is_exact and contact_count > 0:
-        coupling = _part(matrix, fixed, free)
-        own, rest = _part(matrix, free, free), right[free]
-        if len(fixed) > 0:
-            both = np.column_stack((coupling, right[fixed]))
-            solved = _solve(_part(matrix, fixed, fixed), both)
-            own = own - coupling.T @ np.ascontiguousarray(solved[:, :contact_count])
-            rest = rest - coupling.T @ np.ascontiguousarray(solved[:, contact_count])
-        force = complementary(own, rest + own @ push, push > 0.0)
-        closed = force > 0.0
-        # An open contact has lost whatever force it had.
-        change[free] = force - push
-        if len(fixed) > 0:
-            left = right[fixed] - coupling @ change[free]
-            change[fixed] = _solve(_part(matrix, fixed, fixed), left.reshape(-1, 1))[:, 0]
-    elif count > 0:
-        change = _solve(matrix, right.reshape(-1, 1))[:, 0]
+    own, rest = _part(matrix, free, free), right[free]
+    solved = np.empty((len(fixed), contact_count + 1))
+    if len(fixed) > 0:
+        both = np.empty((len(fixed), contact_count + 1))
+        both[:, :contact_count] = _part(matrix, fixed, free)
+        both[:, contact_count] = right[fixed]
+        solved, _ = solve_symmetric(_part(matrix, fixed, fixed), both)
+        coupling = _part(matrix, free, fixed)
+        own = own - coupling @ np.ascontiguousarray(solved[:, :contact_count])
+        rest = rest - coupling @ np.ascontiguousarray(solved[:, contact_count])
+    force = complementary(own, rest + own @ push, push > 0.0)
+    closed = force > 0.0
+    # An open contact has lost whatever force it had.
+    change[free] = force - push
+    change[fixed] = solved[:, contact_count] - np.ascontiguousarray(solved[:, :contact_count]) @ change[free]
     kept = np.concatenate((rows[:first_contact], free[closed], rows[first_contact + contact_count :]))
-    positive = 0
-    if len(kept) > 0:
-        positive = int((np.linalg.eigvalsh(_scaled(_part(matrix, kept, kept))[0]) > 0.0).sum())
+    _, positive = solve_symmetric(_part(matrix, kept, kept), np.zeros((len(kept), 1)))
     return change, closed, positive
 
 
@@ -84,7 +87,8 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
         force[:] = 0.0
         on = np.flatnonzero(closed)
         if len(on) > 0:
-            force[on] = _solve(_part(matrix, on, on), right[on].reshape(-1, 1))[:, 0]
+            solved, _ = solve_symmetric(_part(matrix, on, on), right[on].reshape(-1, 1))
+            force[on] = solved[:, 0]
         gap = matrix @ force - right
         wrong = np.flatnonzero((closed & (force < 0.0)) | (~closed & (gap < -tolerance)))
         if len(wrong) == 0:
@@ -101,27 +105,8 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _part(matrix, rows, columns):  # type: ignore[no-untyped-def]
-    return np.ascontiguousarray(matrix[rows][:, columns])
-
-
-@njit(cache=True)
-def _scaled(matrix):  # type: ignore[no-untyped-def]
-    """The matrix with rows and columns scaled to comparable size, which keeps the signs of its eigenvalues; the scale."""
-    count = len(matrix)
-    scale = np.empty(count)
-    largest = np.abs(matrix).max()
-    for i in range(count):
-        least = max(1e-9 * np.abs(matrix[i]).max(), 1e-30 * largest + 1e-300)
-        scale[i] = 1.0 / np.sqrt(max(abs(matrix[i, i]), least))
-    scaled = scale.reshape(-1, 1) * matrix * scale
-    for i in range(count):
-        scaled[i, i] += FLOOR
-    return scaled, scale
-
-
-@njit(cache=True)
-def _solve(matrix, right):  # type: ignore[no-untyped-def]
-    """Solution (c, k) of a symmetric system whose rows may differ by orders of magnitude."""
-    scaled, scale = _scaled(matrix)
-    tall = scale.reshape(-1, 1)
-    return tall * np.linalg.solve(scaled, tall * right)
+    out = np.empty((len(rows), len(columns)))
+    for i in range(len(rows)):
+        for j in range(len(columns)):
+            out[i, j] = matrix[rows[i], columns[j]]
+    return out

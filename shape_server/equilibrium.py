@@ -1,220 +1,268 @@
 """From a start to a stable equilibrium: Newton with an active set, and an augmented Lagrangian where that is not enough.
 
 `settle` is the warm path. It repeats Newton steps with exact rows, in each of which the contacts that push are found from the
-linearised system (see `border`); a bond that pulls is dropped. It gives up when a step is not finite, does not become short,
+linearised system (see `closing`); a bond that pulls is dropped. It gives up when a step is not finite, does not become short,
 or the equilibrium is not stable.
 
-`relax` is the robust path. Rows become penalties with multipliers (augmented Lagrangian; Nocedal and Wright 2006,
+`descend` is the robust path. Rows become penalties with multipliers (augmented Lagrangian; Nocedal and Wright 2006,
 "Numerical Optimization", ch. 17), the Hessian is shifted until its inertia is that of a minimum, and each step is
 shortened until the merit function falls (Armijo). It ends near a minimum of the energy, never at a saddle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Final
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from .rod import Rod, State, Step, View, energy, hardness_of, look, newton_step
+from .border import SOFTNESS
+from .chain import retract
+from .newton import newton_step
+from .rod import State, View, energy, is_active, look
 
-TURN_DONE: Final = 2e-4  # rad; a Newton step this long leaves an error of about its square
-TURN_EXACT: Final = 1e-9  # rad
-TURN_MAX: Final = 0.6  # rad, of any segment in one step
-WARM_STEPS: Final = 15
-RELAX_STEPS: Final = 400
-NEAR: Final = 0.05  # rad; a Newton step this long leaves an error of a few thousandths
-NEAR_STEPS: Final = 6
-IDLE_AFTER: Final = 6  # steps
-IDLE_MOVE: Final = 1e-5  # of the length, of any node in one step
-IDLE_MISS: Final = 1e-7  # of the length
-KICK: Final = 0.05  # rad
-NEUTRAL: Final = 1e-4  # of EI over length squared; a stiffness below this is neutral, not unstable
-GIVE_MAX: Final = 1e-6  # of the length, that a contact may give way
-MISS_DONE: Final = 1e-8  # of the length, for held points
-CONTACT_EASE: Final = 0.1  # how much a miss of a contact counts; two rows at one bend share their force slowly
+TURN_DONE = 2e-4  # rad; a Newton step this long leaves an error of about its square
+TURN_EXACT = 1e-9  # rad
+TURN_MAX = 0.6  # rad, of any segment in one step
+WARM_STEPS = 15
+RELAX_STEPS = 400
+NEAR = 0.05  # rad; a Newton step this long leaves an error of a few thousandths
+NEAR_STEPS = 6
+IDLE_AFTER = 6  # steps
+IDLE_MOVE = 1e-5  # of the length, of any node in one step
+IDLE_MISS = 1e-7  # of the length
+NEUTRAL = 1e-4  # of EI over length squared; a stiffness below this is neutral, not unstable
+GIVE_MAX = 1e-6  # of the length, that a contact may give way
+MISS_DONE = 1e-8  # of the length, for held points
+CONTACT_EASE = 0.1  # how much a miss of a contact counts; two rows at one bend share their force slowly
+SHIFT_LEAST, SHIFT_MOST = 1e-3, 1e9  # of the typical force
+EXACT = (0.0, 0.0)  # no softness
 
-Progress = Callable[[int, float], None]
+# Why an iteration stopped.
+DONE, GOING_ON, CLOSE, UNSTABLE, NOT_FINITE, NOT_SHORT, NO_MINIMUM, NO_DESCENT = range(8)
+WHY = {
+    DONE: "",
+    GOING_ON: "it is still going on",
+    CLOSE: "it is close to an equilibrium",
+    UNSTABLE: "the equilibrium is not stable",
+    NOT_FINITE: "a step of the iteration was not finite",
+    NOT_SHORT: f"no convergence within {WARM_STEPS} steps",
+    NO_MINIMUM: f"no minimum found within {RELAX_STEPS} steps",
+    NO_DESCENT: "no step lowers the energy",
+}
 
 
-@dataclass(frozen=True)
-class Settled:
+class Settled(NamedTuple):
     """Where an iteration ended."""
 
     state: State
-    view: View
+    seen: View
     is_converged: bool
     is_stable: bool
     iterations: int
     unbalanced: float  # N
-    why: str  # why it stopped
+    why: int  # index into `WHY`
 
 
-def settle(rod: Rod, state: State, progress: Progress) -> Settled:
-    """Newton's method with exact rows from a state nearby."""
-    state, view = look(rod, state)
-    step: Step | None = None
-    for iteration in range(1, WARM_STEPS + 1):
-        step = newton_step(rod, state, view, shift=NEUTRAL * float(rod.law.max()) / rod.length**2)
-        progress(iteration, step.unbalanced)
-        longest = float(np.abs(step.turn).max())
+class Descent(NamedTuple):
+    """How far an augmented Lagrangian has come, so that it can go on from there."""
+
+    settled: Settled
+    force: np.ndarray  # (h,) N, multipliers of held points
+    push: np.ndarray  # (m,) N, multipliers of contacts
+    stiffness: float  # N/m, penalty of held points
+    shift: float  # N, of the Hessian
+    helped: int  # steps in a row that needed a shift and were short
+    worst: float  # m, largest miss when the multipliers were last renewed
+
+
+@njit(cache=True)
+def settle(rod, state, near):  # type: ignore[no-untyped-def]
+    """Newton's method with exact rows from a state nearby.
+
+    With `near` [rad] until a step is as short as that, for comparing meshes, where no more is needed; to the end if it is zero.
+    """
+    only_near = near > 0.0
+    state, view = look(rod, state, rod.touch.normal)
+    is_stable, unbalanced = False, np.inf
+    most, shift = (NEAR_STEPS, 0.0) if only_near else (WARM_STEPS, NEUTRAL * rod.stiffest / rod.length**2)
+    for iteration in range(1, most + 1):
+        step = newton_step(rod, state, view, EXACT, shift)
+        is_stable, unbalanced = step.is_stable, step.unbalanced
+        longest = _largest(step.turn)
         if not longest < 1e3:
-            return Settled(state, view, False, False, iteration, step.unbalanced, "a step of the iteration was not finite")
+            return Settled(state, view, False, False, iteration, unbalanced, NOT_FINITE)
         scale = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0
         before = view.nodes
-        state, view, let_go = _advance(rod, state, step, scale)
+        state, view, let_go = _advance(rod, state, view, step, scale)
+        if only_near and longest <= near:
+            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE)
+        if only_near or let_go:
+            continue
+        miss = _worst_miss(rod, state, view)
         # Close to the answer a neutral direction may still look unstable: an unstable verdict is given at the answer itself.
-        turn_done = TURN_DONE if step.is_stable else TURN_EXACT
-        if not let_go and scale == 1.0 and longest < turn_done and _worst_miss(rod, state, view) < MISS_DONE * rod.length:
-            why = "" if step.is_stable else "the equilibrium is not stable"
-            return Settled(state, view, True, step.is_stable, iteration, step.unbalanced, why)
+        turn_done = TURN_DONE if is_stable else TURN_EXACT
+        if scale == 1.0 and longest < turn_done and miss < MISS_DONE * rod.length:
+            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE)
         # Where several edges meet, contacts may go on taking turns without moving the cable any more.
-        moved = float(np.abs(view.nodes - before).max())
-        is_idle = iteration >= IDLE_AFTER and moved < IDLE_MOVE * rod.length and _worst_miss(rod, state, view) < IDLE_MISS * rod.length
-        if is_idle and step.is_stable and not let_go:
-            return Settled(state, view, True, True, iteration, step.unbalanced, "")
-    assert step is not None
-    return Settled(state, view, False, step.is_stable, WARM_STEPS, step.unbalanced, f"no convergence within {WARM_STEPS} steps")
+        is_idle = iteration >= IDLE_AFTER and _largest(view.nodes - before) < IDLE_MOVE * rod.length
+        if is_idle and is_stable and miss < IDLE_MISS * rod.length:
+            return Settled(state, view, True, True, iteration, unbalanced, DONE)
+    return Settled(state, view, False, is_stable, most, unbalanced, NOT_SHORT)
 
 
-def step_near(rod: Rod, state: State) -> Settled:
-    """Newton steps until the error is far below the step: for comparing meshes, where no more is needed."""
-    state, view = look(rod, state)
-    for iteration in range(1, NEAR_STEPS + 1):
-        step = newton_step(rod, state, view)
-        longest = float(np.abs(step.turn).max())
-        state, view, _ = _advance(rod, state, step, min(1.0, TURN_MAX / max(longest, TURN_MAX)))
-        if not longest > NEAR:
-            return Settled(state, view, True, step.is_stable, iteration, step.unbalanced, "")
-    return Settled(state, view, False, False, NEAR_STEPS, step.unbalanced, "the steps did not become small")
+@njit(cache=True)
+def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
+    """Descend towards a minimum of the energy by at most so many steps.
 
-
-def relax(rod: Rod, state: State, progress: Progress) -> Settled:
-    """Descend to a minimum of the energy from any state, then settle there."""
-    piece = _shortest_piece(rod)
-    stiffness = 30.0 * (rod.weight + 10.0 * float(rod.law.max()) / piece**2) / piece
-    softest, hardness = stiffness, 10.0 * stiffness
-    multiplier = replace(state, push=np.maximum(state.push, 0.0))
-    shift, iteration, helped, unbalanced, worst = 0.0, 0, 0, np.inf, np.inf
-    state, view = look(rod, multiplier)
-    while iteration < RELAX_STEPS and shift < 1e9 * rod.force_scale:
-        state = _soft_forces(multiplier, state, view, stiffness, hardness)
-        step = newton_step(rod, state, view, softness=(1.0 / stiffness, 1.0 / hardness), shift=shift)
+    Go on while `why` is `GOING_ON`; at `CLOSE` it is time to settle, and to go on from beside the place if that is a saddle.
+    """
+    state, view, iteration = descent.settled.state, descent.settled.seen, descent.settled.iterations
+    force, push, stiffness, shift = descent.force, descent.push, descent.stiffness, descent.shift
+    helped, worst, unbalanced = descent.helped, descent.worst, descent.settled.unbalanced
+    softest = begin_stiffness(rod)
+    last = iteration + steps
+    why = GOING_ON
+    while why == GOING_ON and iteration < last:
+        state = _soft_forces(rod, state, view, force, push, stiffness)
+        step = newton_step(rod, state, view, (1.0 / stiffness, 0.1 / stiffness), shift)
         iteration += 1
-        progress(iteration, step.unbalanced)
         unbalanced = step.unbalanced
-        longest = float(np.abs(step.turn).max())
+        longest = _largest(step.turn)
         accepted = step.is_stable and longest < np.inf
         if accepted:
             scale = min(1.0, TURN_MAX / longest) if longest > 0.0 else 1.0
-            state, view, accepted = _search(rod, multiplier, state, view, step, scale, stiffness, hardness)
+            state, view, accepted = _search(rod, state, view, step, scale, force, push, stiffness)
         if not accepted:
-            shift = max(4.0 * shift, 1e-3 * rod.force_scale)
-            continue
-        helped = helped + 1 if shift > 0.0 and longest < 0.05 else 0
-        shift = shift / 4.0 if shift > 1e-3 * rod.force_scale else 0.0
-        if longest >= 0.05:
-            continue
-        now = _soft_forces(multiplier, state, view, stiffness, hardness)
-        multiplier = replace(multiplier, force=now.force, push=now.push)
-        worst, last = _worst_miss(rod, state, view), worst
-        if worst > 0.3 * last and helped == 0 and stiffness < 1e3 * softest:
-            stiffness, hardness = 3.0 * stiffness, 3.0 * hardness
-        # A step that needed a shift may be on its way to a saddle: wait until it stalls there, then look what it is.
-        is_near = longest < 0.02 if helped == 0 else (longest < 1e-3 or helped > 8)
-        if is_near and worst < 3e-3 * rod.length:
-            settled = settle(rod, replace(now, touches=now.push > 0.0), progress)
-            iteration += settled.iterations
-            if settled.is_converged and settled.is_stable:
-                return replace(settled, iterations=iteration)
-            if helped:
-                helped = 0
-                state, view = look(rod, replace(state, frames=rod.path.retract(state.frames, kick(rod))))
-    why = f"no minimum found within {RELAX_STEPS} steps" if iteration >= RELAX_STEPS else "no step lowers the energy"
-    return Settled(state, view, False, False, iteration, float(unbalanced), why)
+            shift = max(4.0 * shift, SHIFT_LEAST * rod.force_scale)
+            why = NO_DESCENT if shift >= SHIFT_MOST * rod.force_scale else GOING_ON
+        else:
+            helped = helped + 1 if shift > 0.0 and longest < NEAR else 0
+            shift = shift / 4.0 if shift > SHIFT_LEAST * rod.force_scale else 0.0
+        if accepted and longest < NEAR:
+            now = _soft_forces(rod, state, view, force, push, stiffness)
+            force, push = now.force, now.push
+            before, worst = worst, _worst_miss(rod, state, view)
+            if worst > 0.3 * before and helped == 0 and stiffness < 1e3 * softest:
+                stiffness *= 3.0
+            # A step that needed a shift may be on its way to a saddle: wait until it stalls there, then look what it is.
+            is_near = longest < 0.02 if helped == 0 else (longest < 1e-3 or helped > 8)
+            if is_near and worst < 3e-3 * rod.length:
+                state = State(now.frames, now.force, now.holds, now.push, now.push > 0.0, now.fraction)
+                why = CLOSE
+        if why == GOING_ON and iteration >= RELAX_STEPS:
+            why = NO_MINIMUM
+    return Descent(Settled(state, view, False, False, iteration, unbalanced, why), force, push, stiffness, shift, helped, worst)
 
 
-def kick(rod: Rod) -> np.ndarray:
+@njit(cache=True)
+def begin_stiffness(rod):  # type: ignore[no-untyped-def]
+    """Penalty of held points to begin with [N/m]; that of contacts is ten times as large."""
+    return 30.0 * (rod.weight + 10.0 * rod.stiffest / rod.shortest**2) / rod.shortest
+
+
+@njit(cache=True)
+def kick(rod):  # type: ignore[no-untyped-def]
     """Small smooth turns (n-1, 3) [rad] without symmetry, the same every time: a way off a saddle."""
-    s = 0.5 * (rod.mesh.s[:-1] + rod.mesh.s[1:])[:, None] / rod.length
-    turn: np.ndarray = _kick_size(rod) * np.sin(np.array([2.0, 3.1, 4.3]) * s + np.array([0.3, 1.0, 2.0]))
+    turn, s = np.empty((len(rod.lengths), 3)), 0.0
+    for j in range(len(rod.lengths)):
+        middle = (s + 0.5 * rod.lengths[j]) / rod.length
+        s += rod.lengths[j]
+        turn[j, 0] = rod.kick * np.sin(2.0 * middle + 0.3)
+        turn[j, 1] = rod.kick * np.sin(3.1 * middle + 1.0)
+        turn[j, 2] = rod.kick * np.sin(4.3 * middle + 2.0)
     return turn
 
 
-def _kick_size(rod: Rod) -> float:
-    """[rad] Less for a nearly taut cable, which a large kick would take past the arch that it belongs to."""
-    ends = np.vstack([rod.origin, rod.held.goal])
-    at = np.append(rod.mesh.s[rod.base], rod.mesh.s[rod.held.element] + rod.held.fraction * rod.mesh.lengths[rod.held.element])
-    if len(at) == 1:
-        return KICK
-    slack = 1.0 - np.linalg.norm(np.diff(ends, axis=0), axis=1) / np.maximum(np.diff(at), 1e-300)
-    return min(KICK, 0.5 * float(np.sqrt(np.clip(slack[: len(at) - 1], 0.0, 1.0).min())) + 1e-4)
+@njit(cache=True)
+def _largest(values):  # type: ignore[no-untyped-def]
+    """Largest magnitude in an array (n, 3); not finite if one of them is not."""
+    most = 0.0
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            if not abs(values[i, k]) <= most:
+                most = abs(values[i, k])
+                if not most < np.inf:
+                    return np.inf
+    return most
 
 
-def _shortest_piece(rod: Rod) -> float:
-    """Length of the shortest piece of cable between held points [m], at least a fifth of the cable."""
-    held = rod.mesh.s[rod.held.element] + rod.held.fraction * rod.mesh.lengths[rod.held.element]
-    stops = np.unique(np.append(held, rod.mesh.s[rod.base]))
-    return max(float(np.diff(stops).min(initial=rod.length)), 0.2 * rod.length)
-
-
-def _advance(rod: Rod, state: State, step: Step, scale: float) -> tuple[State, View, bool]:
+@njit(cache=True)
+def _advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     """Take a step, then drop the bonds that pull; whether there were any."""
-    let_go = state.holds & (np.einsum("ij,ij->i", step.force, rod.held.normal) < 0.0)
-    moved = replace(
-        state,
-        frames=rod.path.retract(state.frames, scale * step.turn),
-        force=np.where((state.holds & ~let_go)[:, None], step.force, 0.0),
-        holds=state.holds & ~let_go,
-        push=step.push,
-        touches=step.touches,
-    )
-    moved, view = look(rod, moved)
-    return moved, view, bool(let_go.any())
+    holds, let_go = state.holds.copy(), False
+    for bond in range(len(holds)):
+        along = 0.0
+        for row in range(len(step.force)):
+            if rod.held.bond[row] == bond:
+                for k in range(3):
+                    along += step.force[row] * rod.held.axis[row, k] * rod.held.normal[bond, k]
+        if holds[bond] and along < 0.0:
+            holds[bond], let_go = False, True
+    force = step.force.copy()
+    for row in range(len(force)):
+        if rod.held.bond[row] >= 0 and not holds[rod.held.bond[row]]:
+            force[row] = 0.0
+    frames = retract(state.frames, scale * step.turn)
+    moved, seen = look(rod, State(frames, force, holds, step.push, step.touches, state.fraction), view.push)
+    return moved, seen, let_go
 
 
-def _soft_forces(multiplier: State, state: State, view: View, stiffness: float, hardness: float) -> State:
-    """The state with the forces that the penalties and multipliers give."""
-    push = np.maximum(multiplier.push - hardness * view.gap, 0.0)
-    force = multiplier.force - stiffness * view.miss
-    return replace(state, force=np.where(state.holds[:, None], force, 0.0), push=push, touches=push > 0.0)
+@njit(cache=True)
+def _soft_forces(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
+    """The state with the forces that the penalties and the multipliers `force` and `push` give."""
+    soft = force - stiffness * view.miss
+    for row in range(len(soft)):
+        if not is_active(rod, state, row):
+            soft[row] = 0.0
+    pressed = np.maximum(push - 10.0 * stiffness * view.gap, 0.0)
+    return State(state.frames, soft, state.holds, pressed, pressed > 0.0, state.fraction)
 
 
-def _merit(rod: Rod, multiplier: State, state: State, view: View, stiffness: float, hardness: float) -> float:
+@njit(cache=True)
+def _merit(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
     """Augmented Lagrangian [J], whose gradient is that of the energy with the forces of `_soft_forces`."""
-    miss = np.where(state.holds[:, None], view.miss, 0.0)
-    held = -np.vdot(multiplier.force, miss) + 0.5 * stiffness * np.vdot(miss, miss)
-    push = np.maximum(multiplier.push - hardness * view.gap, 0.0)
-    touched = 0.5 / hardness * (push @ push - multiplier.push @ multiplier.push)
-    return energy(rod, state, view) + float(held) + float(touched)
+    total = energy(rod, state, view)
+    for row in range(len(force)):
+        if is_active(rod, state, row):
+            total += view.miss[row] * (0.5 * stiffness * view.miss[row] - force[row])
+    hardness = 10.0 * stiffness
+    for row in range(len(push)):
+        pressed = max(push[row] - hardness * view.gap[row], 0.0)
+        total += 0.5 / hardness * (pressed * pressed - push[row] * push[row])
+    return total
 
 
-def _search(
-    rod: Rod, multiplier: State, state: State, view: View, step: Step, scale: float, stiffness: float, hardness: float
-) -> tuple[State, View, bool]:
+@njit(cache=True)
+def _search(rod, state, view, step, scale, force, push, stiffness):  # type: ignore[no-untyped-def]
     """Shorten the step until the merit falls; the start again, and False, if it does not."""
-    before = _merit(rod, multiplier, state, view, stiffness, hardness)
+    before = _merit(rod, state, view, force, push, stiffness)
     # The bulge of `contact_geometry` is left out of the slope, so with contacts the merit may rise a little.
-    slack = 1e-13 * abs(before) + (1e-7 * rod.force_scale * rod.length if len(view.gap) else 0.0)
+    slack = 1e-13 * abs(before) + (1e-7 * rod.force_scale * rod.length if len(view.gap) > 0 else 0.0)
     for _ in range(12):
-        trial, seen = look(rod, replace(state, frames=rod.path.retract(state.frames, scale * step.turn)))
-        after = _merit(rod, multiplier, trial, seen, stiffness, hardness)
+        frames = retract(state.frames, scale * step.turn)
+        trial, seen = look(rod, State(frames, state.force, state.holds, state.push, state.touches, state.fraction), view.push)
+        after = _merit(rod, trial, seen, force, push, stiffness)
         if after <= before + 1e-4 * scale * step.slope + slack:
             return trial, seen, True
         scale *= 0.4
     return state, view, False
 
 
-def _worst_miss(rod: Rod, state: State, view: View) -> float:
+@njit(cache=True)
+def _worst_miss(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest distance of a held point from its goal, or of a contact from where its force would have it [m].
 
     Infinite where a contact gave way further than a force can be meant: a body that the cable cannot escape.
     """
-    if -view.gap.min(initial=0.0) > GIVE_MAX * rod.length:
-        return np.inf
-    gives = np.any(rod.held.normal, axis=1, keepdims=True) * hardness_of(rod)
-    held = float(np.abs((view.miss + gives * state.force)[state.holds]).max(initial=0.0))
-    balance = view.gap + hardness_of(rod) * state.push
-    wrong = np.where(state.touches, np.abs(balance), np.maximum(-balance, 0.0))
-    return max(held, CONTACT_EASE * float(wrong.max(initial=0.0)))
+    hard, worst = SOFTNESS / rod.force_scale, 0.0
+    for row in range(len(view.miss)):
+        if is_active(rod, state, row):
+            gives = hard * state.force[row] if rod.held.bond[row] >= 0 else 0.0
+            worst = max(worst, abs(view.miss[row] + gives))
+    for row in range(len(view.gap)):
+        if -view.gap[row] > GIVE_MAX * rod.length:
+            return np.inf
+        balance = view.gap[row] + hard * state.push[row]
+        worst = max(worst, CONTACT_EASE * (abs(balance) if state.touches[row] else -balance))
+    return worst

@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from protocol.kinds import FRICTION_CODES, Friction, Outcome
 from protocol.messages import Problem
 from protocol.scene import Vector
 
 from .catenary import Piece, hang
-from .cold import frames_along
-from .mesh import Mesh, even, from_nodes
+from .mesh import Mesh, even, from_nodes, stops
+from .numpy_path import frames_along
 
 SEGMENTS = (25, 50, 100, 200, 400)
 
@@ -33,6 +32,7 @@ class Hanging:
     curvature: np.ndarray  # (n,) 1/m
     grasp_forces: np.ndarray  # (g, 3) N
     contact_forces: np.ndarray  # (m, 3) N
+    energy: float  # J, of the weight, which counts from the world's origin
     sag: float  # m, largest distance of a straight segment from its catenary
 
 
@@ -44,7 +44,7 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
     """
     grasps, contacts = problem.grasps, problem.contacts
     load = problem.cable.mass_per_length * np.asarray(gravity)
-    empty = even(problem.cable.length, grasps.s, 1)
+    empty = even(stops(problem), grasps.s, 1)
     count = 0 if contacts is None else len(contacts.s)
     if contacts is not None and (contacts.friction != FRICTION_CODES.index(Friction.BOND)).any():
         sentence = "a cable without bending meets only bonded contacts; give the cable 'bending' and 'twist' for frictionless ones"
@@ -89,12 +89,12 @@ def _with_bonds(problem: Problem, load: np.ndarray, tolerance: float, kept: np.n
                 f"the points held at s = {s[first]:.4g} m and {s[last]:.4g} m are {chord:.6g} m apart, "
                 f"further than the {span:.6g} m of cable between them"
             )
-            return _nothing(Outcome.UNREACHABLE, sentence, even(problem.cable.length, grasps.s, 1), len(grasps.s), contact_count)
+            return _nothing(Outcome.UNREACHABLE, sentence, even(stops(problem), grasps.s, 1), len(grasps.s), contact_count)
     if problem.start is not None:
-        mesh = from_nodes(problem.start.s, problem.cable.length, grasps.s)
+        mesh = from_nodes(np.array(problem.start.s), problem.cable.length, grasps.s)
         return _pieces(problem, load, mesh, s, points, order, kept, contact_count)
     for segments in SEGMENTS:
-        mesh = even(problem.cable.length, grasps.s, segments)
+        mesh = even(stops(problem), grasps.s, segments)
         hanging = _pieces(problem, load, mesh, s, points, order, kept, contact_count)
         if hanging.sag <= tolerance:
             return hanging
@@ -132,17 +132,17 @@ def _pieces(
     contact_forces[kept] = forces[grasp_count:]
     chords = np.diff(nodes, axis=0)
     tangents = chords / np.maximum(np.linalg.norm(chords, axis=1), 1e-300)[:, None]
-    seed = Rotation.from_quat(problem.grasps.quaternion[0])
     return Hanging(
         outcome=Outcome.CONVERGED,
         sentence="closed form",
         mesh=mesh,
         nodes=nodes,
-        frames=frames_along(tangents, seed, int(mesh.grasp_nodes[0])),
+        frames=frames_along(tangents, problem.grasps.quaternion[0], int(mesh.grasp_nodes[0])),
         tension=0.5 * (tension[:-1] + tension[1:]),
         curvature=curvature,
         grasp_forces=forces[:grasp_count],
         contact_forces=contact_forces,
+        energy=-float(np.vdot(load, 0.5 * mesh.lengths @ (nodes[1:] + nodes[:-1]))),
         sag=float((np.maximum(curvature[:-1], curvature[1:]) * mesh.lengths**2 / 8).max()),
     )
 
@@ -160,5 +160,6 @@ def _nothing(outcome: Outcome, sentence: str, mesh: Mesh, grasp_count: int, cont
         curvature=np.zeros(count),
         grasp_forces=np.zeros((grasp_count, 3)),
         contact_forces=np.zeros((contact_count, 3)),
+        energy=0.0,
         sag=math.inf,
     )

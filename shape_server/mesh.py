@@ -1,13 +1,20 @@
-"""The nodes along a cable: at both ends, at every held point, and evenly between them."""
+"""The nodes along a cable: at both ends, at every held point, and evenly between them, or closer where it bends sharply."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
 from protocol.errors import MessageError
+from protocol.messages import Problem
+from protocol.scene import Cable
+
+LEAST: Final = 4  # segments between two places; fewer could not bow out to the length of their piece
+GROWTH: Final = 0.3  # of the distance from a boundary layer, by which segments grow away from it
+LAYER_SHARE: Final = 1.5  # segments in a layer are shorter than it by this factor at least
 
 
 @dataclass(frozen=True)
@@ -23,15 +30,86 @@ class Mesh:
         segment = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.lengths) - 1)
         return segment, np.clip((s - self.s[segment]) / self.lengths[segment], 0.0, 1.0)
 
+    def shared(self, s: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Forces (m, 3) [N] at arc lengths s (m,) [m], shared by the two nodes of their segments: (n, 3)."""
+        out = np.zeros((len(self.s), 3))
+        segment, fraction = self.locate(s)
+        np.add.at(out, segment, (1.0 - fraction)[:, None] * force)
+        np.add.at(out, segment + 1, fraction[:, None] * force)
+        return out
 
-def even(length: float, grasps: np.ndarray, segments: int) -> Mesh:
-    """About `segments` segments of nearly the same length, with a node at every held point `grasps` (g,) [m]."""
-    stops = np.unique(np.concatenate([[0.0], grasps, [length]]))
+    def along(self, cable: Cable, name: str) -> np.ndarray:
+        """A number of the cable at every segment, (n-1,) or (n-1, 3): its own, or that of the section at the segment's middle."""
+        value = getattr(cable, name)
+        out = np.tile(np.zeros(3) if value is None else np.asarray(value, dtype=float), (len(self.lengths), 1))
+        out = out[:, 0] if isinstance(value, float | int) else out
+        middle = 0.5 * (self.s[:-1] + self.s[1:])
+        for section in cable.sections:
+            own = getattr(section, name)
+            if own is not None:
+                out[(middle > section.start) & (middle < section.end)] = own
+        return np.asarray(out)
+
+
+def stops(problem: Problem) -> np.ndarray:
+    """Arc lengths (k,) [m] that must be nodes: ends, held points, point loads, lumped masses, ends of sections."""
+    cable = problem.cable
+    places = [0.0, cable.length, *(mass.at for mass in cable.masses)]
+    for section in cable.sections:
+        places += [section.start, section.end]
+    if problem.loads is not None:
+        places += problem.loads.s.tolist()
+    # Two stops closer than this would leave a segment that is too short to tell where it points.
+    near, kept = 1e-6 * cable.length, problem.grasps.s.tolist()
+    for place in places:
+        if min(abs(place - other) for other in kept) > near:
+            kept.append(place)
+    return np.asarray(np.clip(np.sort(kept), 0.0, cable.length))
+
+
+def even(places: np.ndarray, grasps: np.ndarray, segments: int) -> Mesh:
+    """About `segments` segments of nearly the same length, with a node at each of the `places` (k,) [m]."""
+    return graded(places, grasps, segments, np.zeros(0), np.zeros(0))
+
+
+def graded(places: np.ndarray, grasps: np.ndarray, segments: int, centres: np.ndarray, layers: np.ndarray) -> Mesh:
+    """About `segments` segments, and more where these would be longer than a boundary layer allows.
+
+    Beside every centre segments are shorter than its layer, and grow with the distance from there. Between two places the
+    number of segments per metre, 1 / h(s), is integrated and cut evenly, so that the mesh is a smooth map of an even one.
+
+    Args:
+        places: (k,) [m] Must be nodes; from 0 to the length.
+        grasps: (g,) [m] Held points, among the places.
+        segments: How many, if there were no layers.
+        centres: (c,) [m] Where layers are.
+        layers: (c,) [m] Length of each layer.
+    """
+    size = (places[-1] - places[0]) / segments
     pieces = []
-    for first, last in pairwise(stops):
-        count = max(1, round(segments * (last - first) / length))
-        pieces.append(np.linspace(first, last, count, endpoint=False))
-    return from_nodes(np.concatenate([*pieces, [length]]), length, grasps)
+    for first, last in pairwise(places):
+        s = np.linspace(first, last, 2) if not len(centres) else _fine(first, last, centres, layers)
+        wanted = np.full(len(s), size)
+        for centre, layer in zip(centres, layers, strict=True):
+            wanted = np.minimum(wanted, layer / LAYER_SHARE + GROWTH * np.abs(s - centre))
+        density = 1.0 / wanted
+        total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(s))])
+        count = max(LEAST, round(float(total[-1])))
+        pieces.append(np.interp(np.linspace(0.0, total[-1], count, endpoint=False), total, s))
+        pieces[-1][0] = first
+    return from_nodes(np.concatenate([*pieces, places[-1:]]), float(places[-1]), grasps)
+
+
+def _fine(first: float, last: float, centres: np.ndarray, layers: np.ndarray) -> np.ndarray:
+    """Arc lengths at which to look how long a segment may be: evenly, and ever closer to every centre."""
+    around = np.geomspace(1e-2, 1e4, 120)
+    s = np.concatenate(
+        [
+            np.linspace(first, last, 400),
+            *(centre + sign * layer * around for centre, layer in zip(centres, layers, strict=True) for sign in (-1, 1)),
+        ]
+    )
+    return np.unique(np.clip(np.concatenate([s, centres]), first, last))
 
 
 def from_nodes(s: np.ndarray, length: float, grasps: np.ndarray) -> Mesh:
@@ -57,3 +135,10 @@ def halved(mesh: Mesh) -> Mesh:
     keep[-1] = True
     keep[mesh.grasp_nodes] = True
     return Mesh(s=mesh.s[keep], lengths=np.diff(mesh.s[keep]), grasp_nodes=(np.cumsum(keep) - 1)[mesh.grasp_nodes])
+
+
+def doubled(mesh: Mesh) -> Mesh:
+    """The mesh with every segment cut into two."""
+    s = np.empty(2 * len(mesh.s) - 1)
+    s[::2], s[1::2] = mesh.s, 0.5 * (mesh.s[1:] + mesh.s[:-1])
+    return Mesh(s=s, lengths=np.diff(s), grasp_nodes=2 * mesh.grasp_nodes)

@@ -1,22 +1,23 @@
-"""The same functions as in `kernels`, in plain numpy and LAPACK: serves until the kernels are compiled, and checks them.
+"""The same functions as in `kernels`, without a compiler: serves until the kernels are compiled, and checks them.
 
-Every function here takes and returns exactly what its namesake does; the physics is explained there.
+What costs most is written here for numpy and LAPACK, all segments at once; the rest is the very source of the compiled functions,
+run by Python. Every function takes and returns exactly what its namesake does; the physics is explained there.
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigvals_banded, solve_banded
 from scipy.linalg.lapack import dpbtrf
 
-from . import closing
-from . import contact_geometry as geometry
+from . import kernels
 from .interpreted import interpreted
+from .rod import Elastic
+from .symmetric import FLOOR
 
 Array = np.ndarray
-
-contact_geometry = interpreted(geometry.contact_geometry)
-close = interpreted(closing.close)
 
 
 def directors(frames: Array) -> Array:
@@ -46,35 +47,33 @@ def carried_forces(forces: Array, base: int) -> Array:
     return beyond
 
 
-def elastic_energy(frames: Array, lengths: Array, law: Array, clamp_of_node: Array, clamp_frames: Array) -> float:
+def elastic_energy(frames: Array, lengths: Array, elastic: Elastic, clamp_of_node: Array, clamp_frames: Array) -> float:
     """Energy of bending and twist [J]."""
-    before, after, cells, _, _ = vertices(frames, lengths, clamp_of_node, clamp_frames)
-    rho = relative(before, after)
-    sigma = rho[:, :3] / (1 + rho[:, 3:])
-    return float((8 / cells * ((sigma * sigma) @ law)).sum())
+    at = vertices(frames, lengths, elastic, clamp_of_node, clamp_frames)
+    return float((0.5 * at.cells[:, None] * at.law * at.strain**2).sum())
 
 
 def assemble(
-    frames: Array, axes: Array, lengths: Array, law: Array, clamp_of_node: Array, clamp_frames: Array, carried: Array
+    frames: Array, axes: Array, lengths: Array, pulled: Array, elastic: Elastic, clamp_of_node: Array, clamp_frames: Array, carried: Array
 ) -> tuple[Array, Array, Array]:
     """Gradient (n-1, 3), diagonal (n-1, 3, 3) and upper blocks (n-1, 3, 3) of energy less the work of the forces."""
     count = len(lengths)
-    local = np.einsum("jkx,jx->jk", axes, carried) * lengths[:, None]
+    local = np.einsum("jkx,jx->jk", axes, carried) * pulled[:, None]
     gradient = np.stack([local[:, 1], -local[:, 0], np.zeros(count)], axis=1)
     diagonal = np.zeros((count, 3, 3))
     diagonal[:, 0, 0] = diagonal[:, 1, 1] = local[:, 2]
     diagonal[:, 0, 2] = diagonal[:, 2, 0] = -0.5 * local[:, 0]
     diagonal[:, 1, 2] = diagonal[:, 2, 1] = -0.5 * local[:, 1]
     upper = np.zeros((count, 3, 3))
-    before, after, cells, first, second = vertices(frames, lengths, clamp_of_node, clamp_frames)
-    ga, gb, haa, hab, hbb = _vertex_terms(before, after, cells, law)
-    has_first, has_second = first >= 0, second >= 0
-    np.add.at(gradient, first[has_first], ga[has_first])
-    np.add.at(gradient, second[has_second], gb[has_second])
-    np.add.at(diagonal, first[has_first], haa[has_first])
-    np.add.at(diagonal, second[has_second], hbb[has_second])
+    at = vertices(frames, lengths, elastic, clamp_of_node, clamp_frames)
+    ga, gb, haa, hab, hbb = _vertex_terms(at)
+    has_first, has_second = at.first >= 0, at.second >= 0
+    np.add.at(gradient, at.first[has_first], ga[has_first])
+    np.add.at(gradient, at.second[has_second], gb[has_second])
+    np.add.at(diagonal, at.first[has_first], haa[has_first])
+    np.add.at(diagonal, at.second[has_second], hbb[has_second])
     inner = has_first & has_second
-    upper[first[inner]] = hab[inner]
+    upper[at.first[inner]] = hab[inner]
     return gradient, diagonal, upper
 
 
@@ -93,8 +92,8 @@ def columns(axes: Array, lengths: Array, base: int, element: Array, fraction: Ar
     return out
 
 
-def factor_and_solve(diagonal: Array, upper: Array, right: Array) -> tuple[Array, int]:
-    """Solve the symmetric block-tridiagonal system for all right-hand sides; count its negative eigenvalues."""
+def factor_and_solve(diagonal: Array, upper: Array, right: Array) -> int:
+    """Solve the symmetric block-tridiagonal system for all right-hand sides, in place; count its negative eigenvalues."""
     count, many = len(diagonal), right.shape[2]
     size = 3 * count
     band = np.zeros((11, size))  # band[5 + row - column, column]
@@ -103,12 +102,12 @@ def factor_and_solve(diagonal: Array, upper: Array, right: Array) -> tuple[Array
             band[5 + r - c, c::3] = diagonal[:, r, c]
             band[5 + r - c - 3, c + 3 :: 3] = upper[:-1, r, c]
             band[5 + c + 3 - r, r : size - 3 : 3] = upper[:-1, r, c]
-    solution = solve_banded((5, 5), band, right.reshape(size, many)).reshape(count, 3, many)
+    right[:] = solve_banded((5, 5), band, right.reshape(size, many)).reshape(count, 3, many)
     _, failed = dpbtrf(band[5:], lower=1)
     negative = 0
     if failed:
         negative = len(eigvals_banded(band[5:], lower=True, select="v", select_range=(-np.inf, 0.0)))
-    return solution, negative
+    return negative
 
 
 def retract(frames: Array, turn: Array) -> Array:
@@ -141,8 +140,20 @@ def relative(before: Array, after: Array) -> Array:
     return np.where(rho[:, 3:] < 0, -rho, rho)
 
 
-def vertices(frames: Array, lengths: Array, clamp_of_node: Array, clamp_frames: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Every vertex: frames before and after, cell, and the segments they belong to (-1 for a clamp)."""
+class Vertices(NamedTuple):
+    """Every node where frames meet, with clamps on one or both sides or without."""
+
+    relative: Array  # (v, 4) rotation from the frame before to the one after
+    cells: Array  # (v,) m
+    law: Array  # (v, 3) N m^2
+    strain: Array  # (v, 3) 1/m, curvature and twist less the natural ones
+    after: Array  # (v, 4) frame
+    first: Array  # (v,) int, segment before, -1 where a clamp stands for it
+    second: Array  # (v,) int, segment after, -1 where a clamp stands for it
+
+
+def vertices(frames: Array, lengths: Array, elastic: Elastic, clamp_of_node: Array, clamp_frames: Array) -> Vertices:
+    """Every vertex of a rod."""
     count = len(lengths)
     inner = np.flatnonzero(clamp_of_node[1:-1] < 0) + 1
     left = np.flatnonzero(clamp_of_node[1:] >= 0) + 1  # clamps with a segment before them
@@ -150,25 +161,29 @@ def vertices(frames: Array, lengths: Array, clamp_of_node: Array, clamp_frames: 
     before = np.concatenate([frames[inner - 1], frames[left - 1], clamp_frames[clamp_of_node[right]]])
     after = np.concatenate([frames[inner], clamp_frames[clamp_of_node[left]], frames[right]])
     cells = 0.5 * np.concatenate([lengths[inner - 1] + lengths[inner], lengths[left - 1], lengths[right]])
+    law = np.concatenate([elastic.node_law[inner], elastic.law[left - 1], elastic.law[right]])
+    bent = np.concatenate([elastic.node_bent[inner], elastic.bent[left - 1], elastic.bent[right]])
     first = np.concatenate([inner - 1, left - 1, np.full(len(right), -1)])
     second = np.concatenate([inner, np.full(len(left), -1), right])
-    return before, after, cells, first, second
-
-
-def _vertex_terms(before: Array, after: Array, cells: Array, law: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Gradients and Hessian blocks of every vertex, by the formulas of `kernels`, all vertices at once."""
     rho = relative(before, after)
+    strain = 4 * rho[:, :3] / ((1 + rho[:, 3:]) * cells[:, None]) - bent
+    return Vertices(rho, cells, law, strain, after, first, second)
+
+
+def _vertex_terms(at: Vertices) -> tuple[Array, Array, Array, Array, Array]:
+    """Gradients and Hessian blocks of every vertex, by the formulas of `vertices`, all vertices at once."""
+    rho, cells, law = at.relative, at.cells, at.law
     v, r0 = rho[:, :3], rho[:, 3]
     inv = 1 / (1 + r0)
     sigma = v * inv[:, None]
-    moment = 4 * law * sigma / cells[:, None]
+    moment = law * at.strain
     eye = np.eye(3)
     b = 0.25 * (1 - np.einsum("ij,ij->i", sigma, sigma))[:, None, None] * eye + 0.5 * (_cross(sigma) + _outer(sigma, sigma))
     bt = np.swapaxes(b, 1, 2)
     gb = 4 * np.einsum("ikj,ik->ij", b, moment)
     ga = -4 * np.einsum("ijk,ik->ij", b, moment)
     scale = (16 / cells)[:, None, None]
-    kb, kbt = scale * law[:, None] * b, scale * law[:, None] * bt
+    kb, kbt = scale * law[:, :, None] * b, scale * law[:, :, None] * bt
     gamma0 = -np.einsum("ij,ij->i", moment, sigma) * inv
     gamma = moment * inv[:, None]
     cv = np.einsum("ij,ij->i", gamma, v)
@@ -190,3 +205,28 @@ def _cross(a: Array) -> Array:
     out = np.zeros((len(a), 3, 3))
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -a[:, 2], a[:, 1], -a[:, 0]
     return out - np.swapaxes(out, 1, 2)
+
+
+def solve_symmetric(matrix: Array, right: Array) -> tuple[Array, int]:
+    """Solution of a symmetric system that need not be definite, and the number of positive eigenvalues of the matrix."""
+    if not len(matrix):
+        return np.zeros_like(right), 0
+    most = np.abs(matrix).max(axis=1)
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.maximum(1e-9 * most, 1e-30 * most.max() + 1e-300)))
+    scaled = scale[:, None] * matrix * scale + FLOOR * np.eye(len(matrix))
+    positive = int((np.linalg.eigvalsh(scaled) > 0.0).sum())
+    return scale[:, None] * np.linalg.solve(scaled, scale[:, None] * right), positive
+
+
+_GIVEN = {
+    function.__name__: function
+    for function in (directors, positions, carried_forces, elastic_energy, assemble, columns, factor_and_solve, retract, solve_symmetric)
+}
+_plain: dict[str, Any] = interpreted({name: item for name, item in vars(kernels).items() if hasattr(item, "py_func")}, _GIVEN)
+begin_stiffness, descend, kick = _plain["begin_stiffness"], _plain["descend"], _plain["kick"]
+settle, newton_step, unbalanced = _plain["settle"], _plain["newton_step"], _plain["unbalanced"]
+linear_system, border_rows, border_columns = _plain["linear_system"], _plain["border_rows"], _plain["border_columns"]
+look, node_forces, energy = _plain["look"], _plain["node_forces"], _plain["energy"]
+interpolate_frames, smallest_stiffness = _plain["interpolate_frames"], _plain["smallest_stiffness"]
+frames_along, sagging_tangents, turn_onto = _plain["frames_along"], _plain["sagging_tangents"], _plain["turn_onto"]
+close, contact_geometry = _plain["close"], _plain["contact_geometry"]

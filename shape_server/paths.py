@@ -7,6 +7,7 @@ that requests are answered meanwhile, and the server changes over when the child
 from __future__ import annotations
 
 import atexit
+import hashlib
 import importlib
 import os
 import subprocess
@@ -14,9 +15,10 @@ import sys
 import time
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Final
 
 import msgspec
+import numba
 import numpy as np
 
 from protocol.codec import decode, encode
@@ -27,6 +29,7 @@ from protocol.scene import Cable
 from . import numpy_path
 
 CHOICES: Final = ("auto", "compiled", "numpy")
+STAMP: Final = "kernels.stamp"  # beside numba's cache: what the code in it was compiled from
 
 
 class Paths:
@@ -70,17 +73,29 @@ class Paths:
 
 def is_compiled() -> bool:
     """Whether numba's cache on disk holds the kernels as they are now."""
+    stamp = _cache() / STAMP
+    return stamp.is_file() and stamp.read_text(encoding="ascii") == _fingerprint()
+
+
+def forget_stale_kernels() -> None:
+    """Delete compiled code of other sources: numba sees a change of a function's own file, but not of one that it calls."""
+    if not is_compiled():
+        for path in _cache().glob("*.nb[ic]"):
+            path.unlink(missing_ok=True)
+
+
+def _cache() -> Path:
     from . import kernels
 
-    functions: tuple[Any, ...] = (kernels.assemble, kernels.factor_and_solve, kernels.retract, kernels.contact_geometry, kernels.close)
-    return all(_has_index(function) for function in functions)
+    return Path(str(kernels.settle.stats.cache_path))
 
 
-def _has_index(function: Any) -> bool:
-    """Whether the cache on disk has an index for the function that is newer than its source."""
-    source = Path(function.py_func.__code__.co_filename)
-    indices = Path(function.stats.cache_path).glob(f"{source.stem}.{function.__name__}-*.nbi")
-    return any(index.stat().st_mtime >= source.stat().st_mtime for index in indices)
+def _fingerprint() -> str:
+    """Hash of all that the compiled code is made from."""
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
 
 
 def compile_kernels() -> ModuleType:
@@ -91,6 +106,7 @@ def compile_kernels() -> ModuleType:
     from .solve import solve
 
     kernels = importlib.import_module(".kernels", __package__)
+    forget_stale_kernels()
     request = decode(encode(_sample()))
     assert isinstance(request, ShapeRequest)
     problem = request.problems[0]
@@ -98,7 +114,8 @@ def compile_kernels() -> ModuleType:
     start = Start(s=shape.s, frames=shape.frames, grasp_forces=shape.grasp_wrenches[:, :3].copy())
     warm = decode(encode(msgspec.structs.replace(request, problems=(msgspec.structs.replace(problem, start=start),))))
     assert isinstance(warm, ShapeRequest)
-    solve(warm.problems[0], request.gravity, tolerance=request.tolerance, path=kernels)
+    solve(warm.problems[0], request.gravity, tolerance=request.tolerance, margin=True, path=kernels)
+    (_cache() / STAMP).write_text(_fingerprint(), encoding="ascii")
     return kernels
 
 

@@ -12,7 +12,7 @@ from protocol.errors import CablecosimError
 from protocol.messages import AnyMessage, Beat, Done, Error, ShapeReply, ShapeRequest, Stop, Welcome
 
 from .paths import Paths
-from .solve import solve
+from .solve import answer
 
 BEAT_PERIOD: Final = 0.1  # s between proofs of life during a long solve
 
@@ -67,10 +67,7 @@ class ShapeServer:
                 self._channel.send(peer, beat)
 
         try:
-            shapes = tuple(
-                solve(problem, request.gravity, tolerance=request.tolerance, path=self._paths.current, progress=progress)
-                for problem in request.problems
-            )
+            shapes = tuple(answer(problem, request, self._paths.current, progress) for problem in request.problems)
         except CablecosimError as error:
             self._channel.send(peer, Error(code="message", sentence=str(error), key=error.key))
             return

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from types import ModuleType
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from protocol.kinds import FRICTION_CODES, Friction, Hold
 from protocol.messages import Problem
@@ -12,52 +13,141 @@ from protocol.scene import Vector
 
 from . import effects
 from .mesh import Mesh
-from .rod import Held, Rod
+from .rod import Elastic, Held, Rod, State, Touch
+
+KICK_MOST = 0.05  # rad, how far to go off a saddle
 
 
-def make_rod(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, path: ModuleType) -> Rod:
+@dataclass(frozen=True)
+class System:
+    """The equations of one cable on one mesh, where their forces start, and which row belongs to what."""
+
+    mesh: Mesh
+    rod: Rod
+    force: np.ndarray  # (h,) N, of every row of held points, to start from
+    push: np.ndarray  # (m,) N, of every contact, to start from
+    fraction: np.ndarray  # (m,) place of every contact along its segment, to start from
+    base: int  # which grasp is the origin of positions, and has no rows
+    row_grasp: np.ndarray  # (h,) int, which grasp each row holds; -1 for a bond
+    bond_contact: np.ndarray  # (b,) int, which contact of the request each bond is
+
+    def start(self, frames: np.ndarray) -> State:
+        """The state with the given frames and the forces that the request starts from."""
+        return State(
+            frames=frames,
+            force=self.force.copy(),
+            holds=np.ones(len(self.bond_contact), dtype=bool),
+            push=self.push.copy(),
+            touches=self.push > 0.0,
+            fraction=self.fraction.copy(),
+        )
+
+
+def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh) -> System:
     """The system of equations of a problem on a mesh: the sum of what the effects in use add."""
     grasps, cable = problem.grasps, problem.cable
-    loads, law = np.zeros((len(mesh.s), 3)), np.zeros(3)
-    for name in used:
-        effect = effects.load(name)
+    files = [effects.load(name) for name in used]
+    loads, law, bent = np.zeros((len(mesh.s), 3)), np.zeros((len(mesh.lengths), 3)), np.zeros((len(mesh.lengths), 3))
+    give = np.zeros(0)
+    for effect in files:
         if hasattr(effect, "node_loads"):
-            loads += effect.node_loads(mesh.lengths, cable, gravity)
+            loads += effect.node_loads(problem, gravity, mesh)
         if hasattr(effect, "stiffness"):
-            law += effect.stiffness(cable)
-    clamps = [k for k, hold in enumerate(grasps.hold) if hold is Hold.CLAMP]
+            law += effect.stiffness(cable, mesh)
+        if hasattr(effect, "natural"):
+            bent += effect.natural(cable, mesh)
+        if hasattr(effect, "give"):
+            give = effect.give(cable, mesh)
+    framed = [k for k, hold in enumerate(grasps.hold) if hold is not Hold.HINGE]
     clamp_of_node = np.full(len(mesh.s), -1, dtype=np.int64)
-    clamp_of_node[mesh.grasp_nodes[clamps]] = np.arange(len(clamps))
-    element, fraction = mesh.locate(grasps.s[1:])
-    forces = problem.start.grasp_forces[1:] if problem.start is not None else np.zeros((len(element), 3))
-    held = Held(element, fraction, grasps.position[1:], np.zeros((len(element), 3)), forces)
-    touch = None
-    if problem.contacts is not None:
-        codes = problem.contacts.friction
-        if "bond" in used:
-            bonds = effects.load("bond").rows(problem.contacts, np.flatnonzero(codes == FRICTION_CODES.index(Friction.BOND)), mesh)
-            held = Held(
-                *(
-                    np.concatenate(pair)
-                    for pair in zip(_fields(held), (bonds.element, bonds.fraction, bonds.anchor, bonds.normal, bonds.force), strict=True)
-                )
-            )
-        if "contact" in used:
-            touch = effects.load("contact").rows(problem.contacts, np.flatnonzero(codes == FRICTION_CODES.index(Friction.NONE)), mesh)
-    return Rod(
-        mesh=mesh,
-        base=int(mesh.grasp_nodes[0]),
-        origin=grasps.position[0],
+    clamp_of_node[mesh.grasp_nodes[framed]] = np.arange(len(framed))
+    base = next(k for k, hold in enumerate(grasps.hold) if hold is not Hold.GUIDE)
+    held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
+    touch, push, fraction = _touch(problem, used, mesh)
+    weight, stiffest = float(np.linalg.norm(loads.sum(axis=0))), float(law.max())
+    shortest, kick = _spans(problem)
+    rod = Rod(
+        lengths=np.array(mesh.lengths),
+        base=int(mesh.grasp_nodes[base]),
+        origin=np.array(grasps.position[base]),
         clamp_of_node=clamp_of_node,
-        clamp_frames=np.ascontiguousarray(grasps.quaternion[clamps]),
-        law=law,
+        clamp_frames=np.array(grasps.quaternion[framed]).reshape(-1, 4),
+        elastic=elastic_of(law, bent, mesh.lengths),
         loads=loads,
-        weight=float(np.linalg.norm(loads.sum(axis=0))),
+        give=give,
         held=held,
         touch=touch,
-        path=path,
+        length=cable.length,
+        stiffest=stiffest,
+        weight=weight,
+        force_scale=weight + 10.0 * stiffest / cable.length**2,
+        shortest=shortest,
+        kick=kick,
     )
+    return System(mesh, rod, force, push, fraction, base, row_grasp, bond_contact)
 
 
-def _fields(held: Held) -> tuple[np.ndarray, ...]:
-    return (held.element, held.fraction, held.goal, held.normal, held.force)
+def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray) -> Elastic:
+    """Laws of segments, and of nodes: the halves of two segments in series, which have the same moment."""
+    node_law, node_bent = np.zeros((len(lengths) + 1, 3)), np.zeros((len(lengths) + 1, 3))
+    before, after = lengths[:-1, None], lengths[1:, None]
+    node_law[1:-1] = (before + after) / (before / law[:-1] + after / law[1:])
+    node_bent[1:-1] = (before * bent[:-1] + after * bent[1:]) / (before + after)
+    return Elastic(law, bent, node_law, node_bent)
+
+
+def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tuple[Held, np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of all grasps but the base, three each or two for a guide, and of the bonds; forces, grasps, contacts of bonds."""
+    grasps = problem.grasps
+    start = problem.start.grasp_forces if problem.start is not None else np.zeros((len(grasps.s), 3))
+    axes = [np.eye(3) if hold is not Hold.GUIDE else _across(grasps.quaternion[k]) for k, hold in enumerate(grasps.hold)]
+    chosen = [k for k in range(len(grasps.s)) if k != base]
+    row_grasp = np.array([k for k in chosen for _ in axes[k]], dtype=np.int64)
+    axis = np.array([row for k in chosen for row in axes[k]]).reshape(-1, 3)
+    element, fraction = mesh.locate(grasps.s[row_grasp])
+    point, force = grasps.position[row_grasp], start[row_grasp]
+    bond, normal = np.full(len(row_grasp), -1, dtype=np.int64), np.zeros((0, 3))
+    bond_contact = np.zeros(0, dtype=np.int64)
+    if "bond" in used:
+        assert problem.contacts is not None
+        bond_contact = np.flatnonzero(problem.contacts.friction == FRICTION_CODES.index(Friction.BOND))
+        bonds = effects.load("bond").rows(problem.contacts, bond_contact, mesh)
+        each = np.repeat(np.arange(len(bond_contact)), 3)
+        element, fraction = np.append(element, bonds.element[each]), np.append(fraction, bonds.fraction[each])
+        axis = np.vstack([axis, np.tile(np.eye(3), (len(bond_contact), 1))])
+        point, force = np.vstack([point, bonds.anchor[each]]), np.vstack([force, bonds.force[each]])
+        bond, normal = np.append(bond, each), np.array(bonds.normal)
+        row_grasp = np.append(row_grasp, np.full(len(each), -1))
+    held = Held(element, fraction, axis, np.einsum("ij,ij->i", axis, point), bond, normal)
+    return held, np.einsum("ij,ij->i", axis, force), row_grasp, bond_contact
+
+
+def _across(quaternion: np.ndarray) -> np.ndarray:
+    """The two directions square to the tangent of a frame, (2, 3)."""
+    rows: np.ndarray = Rotation.from_quat(quaternion).as_matrix().T[:2]
+    return rows
+
+
+def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh) -> tuple[Touch, np.ndarray, np.ndarray]:
+    """One-sided rows, their forces and places; none without contacts."""
+    if "contact" in used:
+        assert problem.contacts is not None
+        chosen = np.flatnonzero(problem.contacts.friction == FRICTION_CODES.index(Friction.NONE))
+        rows: tuple[Touch, np.ndarray, np.ndarray] = effects.load("contact").rows(problem.contacts, chosen, mesh)
+        return rows
+    none, points = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    return Touch(none, none, none, points, points, points, np.zeros((0, 2)), np.zeros(0)), np.zeros(0), np.zeros(0)
+
+
+def _spans(problem: Problem) -> tuple[float, float]:
+    """Shortest piece between held points [m], at least a fifth of the cable; and how far to go off a saddle [rad].
+
+    Less for a nearly taut cable, which a large kick would take past the arch that it belongs to.
+    """
+    grasps, length = problem.grasps, problem.cable.length
+    if len(grasps.s) == 1:
+        return length, KICK_MOST
+    spans = np.diff(grasps.s)
+    slack = 1.0 - np.linalg.norm(np.diff(grasps.position, axis=0), axis=1) / spans
+    kick = min(KICK_MOST, 0.5 * float(np.sqrt(np.clip(slack, 0.0, 1.0).min())) + 1e-4)
+    return max(float(spans.min()), 0.2 * length), kick

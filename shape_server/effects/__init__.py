@@ -3,9 +3,11 @@
 An effect is asked for by a number in the cable or the request; one that is not asked for is not imported. The system
 sums what the effects add without knowing any of them by name:
 
-- `node_loads(lengths, cable, gravity)`: a load on every node [N];
-- `stiffness(cable)`: a diagonal law for curvature and twist at the nodes [N m^2];
-- `rows(contacts, mesh)`: border rows, each with a force as its unknown.
+- `node_loads(problem, gravity, mesh)`: a load on every node [N];
+- `stiffness(cable, mesh)`: a diagonal law for curvature and twist of every segment [N m^2];
+- `natural(cable, mesh)`: curvature and twist of every segment when free of any load [1/m];
+- `give(cable, mesh)`: growth of every segment under a unit of tension [m/N];
+- `rows(contacts, chosen, mesh)`: border rows, each with a force as its unknown.
 """
 
 from __future__ import annotations
@@ -17,12 +19,16 @@ from typing import Final
 
 from protocol.kinds import FRICTION_CODES, Friction
 from protocol.messages import Problem
-from protocol.scene import Vector
+from protocol.scene import Cable, Vector
 
 ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
-    "gravity": lambda problem, gravity: problem.cable.mass_per_length > 0 and any(gravity),
+    "gravity": lambda problem, gravity: any(gravity) and _has_mass(problem.cable),
+    "masses": lambda problem, gravity: any(gravity) and bool(problem.cable.masses),
+    "loads": lambda problem, _: problem.loads is not None and len(problem.loads.s) > 0,
     "bending": lambda problem, _: problem.cable.bending is not None,
     "twist": lambda problem, _: problem.cable.twist is not None,
+    "preform": lambda problem, _: _has(problem.cable, "natural_curvature"),
+    "stretch": lambda problem, _: problem.cable.stretch is not None,
     "contact": lambda problem, _: _has_contact(problem, Friction.NONE),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),
 }
@@ -41,3 +47,11 @@ def load(name: str) -> ModuleType:
 
 def _has_contact(problem: Problem, friction: Friction) -> bool:
     return problem.contacts is not None and bool((problem.contacts.friction == FRICTION_CODES.index(friction)).any())
+
+
+def _has(cable: Cable, name: str) -> bool:
+    return getattr(cable, name) is not None or any(getattr(section, name) is not None for section in cable.sections)
+
+
+def _has_mass(cable: Cable) -> bool:
+    return cable.mass_per_length > 0 or any(section.mass_per_length for section in cable.sections)

@@ -1,60 +1,24 @@
 """One-sided contact without friction (F_0): a body pushes the cable along its normal, or not at all.
 
 gap >= 0, force >= 0, gap * force = 0 for every row, the gap and its normal from `contact_geometry`. The force acts at the
-nearest point of the axis and is shared by the two nodes of its segment. A compliance (`rod.SOFTNESS` per typical force)
+nearest point of the axis and is shared by the two nodes of its segment. A compliance (`border.SOFTNESS` per typical force)
 takes the place of perfect hardness: two rows at one point then share their force evenly, and the gap is below zero by
 1e-7 m for a force as large as the weight (or as 10 EI / L^2, which is added to it).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from protocol.messages import Contacts
 
-from ..contact_geometry import EDGE, FACE, FAR
+from ..contact_geometry import EDGE, FACE
 from ..mesh import Mesh
+from ..rod import Touch
 
 
-@dataclass(frozen=True)
-class OneSided:
-    """One-sided rows; `index` says which contact of the request each one is."""
-
-    index: np.ndarray  # (m,) int; several rows may belong to one contact
-    element: np.ndarray  # (m,) int, segment where it was found
-    fraction: np.ndarray  # (m,) place along that segment
-    feature: np.ndarray  # (m,) int
-    point: np.ndarray  # (m, 3) m
-    normal: np.ndarray  # (m, 3) unit
-    direction: np.ndarray  # (m, 3) unit
-    extent: np.ndarray  # (m, 2) m, of the edge from `point`
-    distance: np.ndarray  # (m,) m
-    push: np.ndarray  # (m,) N, along the normal, to start from
-
-    def places(self, fraction: np.ndarray) -> tuple[np.ndarray, ...]:
-        """What `contact_geometry` wants to know of the rows; it updates `fraction` in place."""
-        return (self.element, fraction, self.feature, self.point, self.normal, self.direction, self.extent, self.distance)
-
-    def handed_over(self, gap: np.ndarray, push: np.ndarray, touches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces (m,) and touches (m,) after rows that another one has taken over from gave it what they carried."""
-        gone = np.flatnonzero((gap == FAR) & (push > 0.0))
-        if not len(gone):
-            return push, touches
-        push, touches = push.copy(), touches.copy()
-        for row in gone:
-            heirs = np.flatnonzero((self.index == self.index[row]) & (gap < FAR))
-            if len(heirs):
-                heir = heirs[np.argmin(np.abs(gap[heirs]))]
-                push[heir] += push[row]
-                touches[heir] = True
-            push[row], touches[row] = 0.0, False
-        return push, touches
-
-
-def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
-    """Rows for the contacts whose indices are `chosen` (m,).
+def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> tuple[Touch, np.ndarray, np.ndarray]:
+    """Rows for the contacts whose indices are `chosen` (m,), with their forces [N] and places along their segments to start from.
 
     An edge or a vertex gets a row on the segment where it was found and on both neighbours, unless another contact with the
     same feature is nearer there. The contact then passes from segment to segment without a jump.
@@ -79,18 +43,17 @@ def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> OneSided:
     segment = np.array([j for _, j in source], dtype=np.int64)
     is_own = segment == element[of]
     index = chosen[of]
-    return OneSided(
-        index=index,
+    touch = Touch(
+        contact=index,
         element=segment,
-        fraction=np.where(is_own, fraction[of], np.where(segment < element[of], 1.0, 0.0)),
         feature=contacts.feature[index],
         point=contacts.point[index],
         normal=contacts.normal[index],
         direction=contacts.direction[index],
         extent=extent[of],
         distance=contacts.distance[index],
-        push=np.where(is_own, push[of], 0.0),
     )
+    return touch, np.where(is_own, push[of], 0.0), np.where(is_own, fraction[of], np.where(segment < element[of], 1.0, 0.0))
 
 
 def _by_feature(contacts: Contacts, rows: list[int], push: list[float]) -> list[list[int]]:

@@ -1,26 +1,29 @@
 """Gravity: the weight of the cable, a load along it.
 
 f = m' g in N per metre of cable, m' the mass per length and g the acceleration of gravity. Lumped to the nodes with half
-of each neighbouring segment, which is the exact work of a straight segment's weight. Buoyancy and added parts are left
-out.
+of each neighbouring segment, which is the exact work of a straight segment's weight. Buoyancy is left out.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from protocol.scene import Cable, Vector
+from protocol.messages import Problem
+from protocol.scene import Vector
+
+from ..mesh import Mesh
 
 
-def node_loads(lengths: np.ndarray, cable: Cable, gravity: Vector) -> np.ndarray:
+def node_loads(problem: Problem, gravity: Vector, mesh: Mesh) -> np.ndarray:
     """Weight at every node, (n, 3) [N].
 
     Args:
-        lengths: (n-1,) [m] Length of every segment.
-        cable: Gives the mass per length [kg/m].
+        problem: Its cable gives the mass per length [kg/m].
         gravity: [m/s^2].
+        mesh: The nodes.
     """
-    share = np.zeros(len(lengths) + 1)
-    share[:-1] += 0.5 * lengths
-    share[1:] += 0.5 * lengths
-    return np.outer(share, cable.mass_per_length * np.asarray(gravity))
+    half = 0.5 * mesh.lengths * mesh.along(problem.cable, "mass_per_length")
+    share = np.zeros(len(mesh.s))
+    share[:-1] += half
+    share[1:] += half
+    return np.outer(share, gravity)

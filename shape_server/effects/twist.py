@@ -6,10 +6,15 @@ out; it vanishes for a round section.
 
 from __future__ import annotations
 
+import numpy as np
+
 from protocol.scene import Cable
 
+from ..mesh import Mesh
 
-def stiffness(cable: Cable) -> tuple[float, float, float]:
-    """Share of the diagonal law for (curvature, curvature, twist), [N m^2]."""
-    assert cable.twist is not None
-    return (0.0, 0.0, cable.twist)
+
+def stiffness(cable: Cable, mesh: Mesh) -> np.ndarray:
+    """Share of the diagonal law of every segment for (curvature, curvature, twist), (n-1, 3) [N m^2]."""
+    out = np.zeros((len(mesh.lengths), 3))
+    out[:, 2] = mesh.along(cable, "twist")
+    return out

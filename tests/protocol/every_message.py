@@ -21,6 +21,7 @@ from protocol.messages import (
     Grasps,
     Hello,
     Pause,
+    PointLoads,
     Problem,
     Resume,
     Shape,
@@ -37,11 +38,24 @@ from protocol.messages import (
     TouchPoints,
     Welcome,
 )
-from protocol.scene import Arm, Body, Cable, Gripper, Move, Picture, Robot, Scene, Target
+from protocol.scene import Arm, Body, Cable, Gripper, LumpedMass, Move, Picture, Robot, Scene, Section, Target
 
 Path = tuple[str | int, ...]
 
-CABLE = Cable(name="trunk", length=1.2, diameter=0.009, mass_per_length=0.09, bending=0.02, twist=0.0164)
+CABLE = Cable(
+    name="trunk",
+    length=1.2,
+    diameter=0.009,
+    mass_per_length=0.09,
+    bending=0.02,
+    twist=0.0164,
+    bending_2=0.03,
+    stretch=1e4,
+    natural_curvature=(0.1, 0.2, 0.3),
+    micro_length=0.01,
+    sections=(Section(start=0.1, end=0.4, bending=0.05), Section(start=0.4, end=1.2, mass_per_length=0.2)),
+    masses=(LumpedMass(at=0.6, mass=0.01),),
+)
 
 
 def quaternions(count: int) -> np.ndarray:
@@ -73,7 +87,7 @@ def contacts() -> Contacts:
 
 
 def start() -> Start:
-    return Start(s=np.linspace(0.0, 1.2, 4), frames=quaternions(3), grasp_forces=np.ones((2, 3)))
+    return Start(s=np.linspace(0.0, 1.2, 4), frames=quaternions(3), grasp_forces=np.ones((2, 3)), margin=0.4)
 
 
 def shape() -> Shape:
@@ -90,11 +104,18 @@ def shape() -> Shape:
         sentence="converged",
         model="rod",
         effects=("gravity", "bending"),
+        left_out={"stretch": 1e-6},
         error=1e-4,
+        error_tension=1e-3,
+        error_curvature=1e-2,
         residual=1e-9,
         iterations=2,
+        energy=-0.5,
+        total_twist=0.1,
         is_stable=True,
-        cost=Cost(solve=1e-3, estimate=1e-4, path="numba"),
+        margin=0.3,
+        fold=2.5,
+        cost=Cost(solve=1e-3, estimate=1e-4, certify=1e-5, factorisations=4, path="numba"),
     )
 
 
@@ -138,7 +159,8 @@ def frame() -> Frame:
 
 
 def request() -> ShapeRequest:
-    problem = Problem(cable=CABLE, grasps=grasps(), contacts=contacts(), start=start())
+    loads = PointLoads(s=np.array([0.6]), force=np.ones((1, 3)))
+    problem = Problem(cable=CABLE, grasps=grasps(), contacts=contacts(), start=start(), loads=loads)
     return ShapeRequest(session="session", step=7, round=1, gravity=(0.0, 0.0, -9.81), tolerance=1e-3, problems=(problem,))
 
 
@@ -148,7 +170,7 @@ def every_message() -> list[AnyMessage]:
         request(),
         ShapeReply(session="session", step=7, round=1, shapes=(shape(),), busy=1e-3),
         Beat(session="session", step=7, round=1, iterations=40, residual=0.5),
-        Hello(version=1, role="env_server"),
+        Hello(version=2, role="env_server"),
         Welcome(version=1, role="shape_server", kernels="compiled"),
         Error(code="message", sentence="not a message", key="problems"),
         StartRun(recorders=2),

@@ -141,7 +141,7 @@ def test_a_private_directory_admits_its_owner_only() -> None:
             Hello(version=VERSION + 1, role="viewer"),
             f"the peer 'viewer' speaks version {VERSION + 1} of '{PROJECT}', this program version {VERSION}",
         ),
-        (Hello(version=VERSION, role="viewer", project="protocol"), "'viewer' speaks version 1 of 'protocol'"),
+        (Hello(version=VERSION, role="viewer", project="protocol"), "'viewer' speaks version 2 of 'protocol'"),
     ],
 )
 def test_another_version_or_project_is_answered_by_an_error(server: Server, hello: Hello, words: str) -> None:
@@ -157,7 +157,7 @@ def test_a_client_of_another_version_gets_an_exception(server: Server, monkeypat
     with closing(Client(server.address, "old")) as client:
         send = client.send
         monkeypatch.setattr(client, "send", lambda _: send(Hello(version=VERSION + 1, role="old")))
-        with pytest.raises(VersionError, match="the peer 'old' speaks version 2"):
+        with pytest.raises(VersionError, match=f"the peer 'old' speaks version {VERSION + 1}"):
             client.greet(LIMIT)
 
 

@@ -6,7 +6,7 @@ import inspect
 
 import protocol
 from protocol import errors
-from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold, Outcome
+from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold, Model, Outcome
 
 
 def test_every_outcome_says_what_to_try_next() -> None:
@@ -16,9 +16,10 @@ def test_every_outcome_says_what_to_try_next() -> None:
 
 def test_the_values_on_the_wire_are_these() -> None:
     """A change here is a change of the protocol: raise `protocol.VERSION` with it."""
-    assert protocol.VERSION == 1
+    assert protocol.VERSION == 2
     assert [outcome.value for outcome in Outcome] == ["converged", "unreachable", "not_converged", "unstable", "unsupported"]
-    assert [hold.value for hold in Hold] == ["clamp", "hinge"]
+    assert [hold.value for hold in Hold] == ["clamp", "hinge", "guide"]
+    assert [model.value for model in Model] == ["auto", "taut", "catenary", "gradient", "rod"]
     assert [friction.value for friction in FRICTION_CODES] == ["none", "bond"]
     assert set(FRICTION_CODES) == set(Friction)
     assert [(feature.name, feature.value) for feature in Feature] == [("FACE", 0), ("EDGE", 1), ("VERTEX", 2)]

@@ -2,118 +2,108 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
-import pytest
 
 from protocol.messages import Problem
 from protocol.scene import Vector
 from shape_server import contact_geometry as geometry
-from shape_server import effects, numpy_path
-from shape_server.mesh import even, from_nodes
-from shape_server.rod import Rod, State, View, energy, look, newton_step, start_state
-from shape_server.system import make_rod
-
-rod_module = sys.modules["shape_server.rod"]
+from shape_server import effects, numpy_path, system
+from shape_server.mesh import even, from_nodes, stops
+from shape_server.rod import State, View
+from shape_server.system import System
 
 
 @dataclass(frozen=True)
 class Model:
-    """Gradient, Hessian with the curvature of the contacts, and columns of the rows."""
+    """Gradient, Hessian with the curvature of the contacts, and columns and compliance of the rows."""
 
     gradient: np.ndarray  # (3 (n-1),)
     hessian: np.ndarray  # (3 (n-1), 3 (n-1)), without the curvature of the contacts
     curvature: np.ndarray  # the same, of the contacts alone
     columns: np.ndarray  # (3 (n-1), rows), held points then contacts
+    compliance: np.ndarray  # (rows, rows), beyond a softness of one
 
 
-def build(problem: Problem, gravity: Vector, segments: int = 12) -> Rod:
-    """The system of a problem, on numpy."""
+def build(problem: Problem, gravity: Vector, segments: int = 12) -> System:
+    """The system of a problem."""
     used = effects.asked_for(problem, gravity)
     length, held = problem.cable.length, problem.grasps.s
-    mesh = from_nodes(problem.start.s, length, held) if problem.start is not None else even(length, held, segments)
-    return make_rod(problem, gravity, used, mesh, numpy_path)
+    mesh = from_nodes(problem.start.s, length, held) if problem.start is not None else even(stops(problem), held, segments)
+    return system.build(problem, gravity, used, mesh)
 
 
-def state_of(rod: Rod, frames: np.ndarray, *, force: np.ndarray | None = None, push: np.ndarray | None = None) -> State:
+def state_of(system: System, frames: np.ndarray, *, force: np.ndarray | None = None, push: np.ndarray | None = None) -> State:
     """A state with the given forces; a contact with a force touches."""
-    state = start_state(rod, frames)
+    state = system.start(frames)
     force = state.force if force is None else force
     push = state.push if push is None else push
-    return replace(state, force=force, push=push, touches=push > 0.0)
+    return state._replace(force=force, push=push, touches=push > 0.0)
 
 
-def lagrangian(rod: Rod, state: State, turn: np.ndarray) -> float:
+def look(system: System, state: State) -> tuple[State, View]:
+    """The state with its contacts where they are nearest, and what follows from it."""
+    return numpy_path.look(system.rod, state, system.rod.touch.normal)
+
+
+def lagrangian(system: System, state: State, turn: np.ndarray) -> float:
     """Energy less the work of all forces, [J], the forces held fixed, at the state turned by `turn` (n-1, 3).
 
-    The turns at the nodes that make the bulge of a contact are those of the state, as `contact_geometry` has it.
+    The turns at the nodes that make the bulge of a contact are those of the state, as `contact_geometry` has it. What stretch stores
+    is taken from the lengths: half of the work that the tension does on them, which is against the force.
     """
-    moved, view = look(rod, replace(state, frames=numpy_path.retract(state.frames, turn)))
-    gap = view.gap + bulges(rod, moved, view, view) - bulges(rod, moved, view, look(rod, state)[1])
-    return energy(rod, moved, view) - float(np.vdot(state.force, view.miss)) - float(state.push @ gap)
+    moved, view = look(system, state._replace(frames=numpy_path.retract(state.frames, turn)))
+    gap = view.gap + bulges(system, moved, view, view) - bulges(system, moved, view, look(system, state)[1])
+    stored = 0.0
+    if len(system.rod.give):
+        stored = float((0.5 * (view.lengths - system.rod.lengths) ** 2 / system.rod.give).sum())
+    return numpy_path.energy(system.rod, moved, view) + stored - float(state.force @ view.miss) - float(state.push @ gap)
 
 
-def bulges(rod: Rod, state: State, view: View, bent: View) -> np.ndarray:
+def bulges(system: System, state: State, view: View, bent: View) -> np.ndarray:
     """Bulge (m,) [m] under each contact where it now is, with the turns at the nodes as they are in `bent`."""
     out = np.zeros(len(view.gap))
     for row in np.flatnonzero(view.numbers[:, 0]).tolist():
-        j = int(rod.touch.element[row])
+        j = int(system.rod.touch.element[row])
         turns = (geometry._turn.py_func(bent.axes, j + end, bent.normal[row]) for end in (0, 1))
-        out[row] = geometry._bulge.py_func(state.fraction[row], rod.mesh.lengths[j], *turns)[0]
+        out[row] = geometry._bulge.py_func(state.fraction[row], system.mesh.lengths[j], *turns)[0]
     return out
 
 
-def model(rod: Rod, state: State, monkeypatch: pytest.MonkeyPatch) -> Model:
-    """The matrices of one step, read where they are handed to the elimination."""
-    seen: dict[str, np.ndarray] = {}
-
-    def factor_and_solve(diagonal: np.ndarray, upper: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, int]:
-        seen.update(diagonal=diagonal.copy(), upper=upper.copy(), right=right.copy())
-        return numpy_path.factor_and_solve(diagonal, upper, right)
-
-    plain_border = rod_module._border
-
-    def border(*arguments: object) -> object:
-        found = plain_border(*arguments)
-        seen["compliance"] = found.compliance
-        return found
-
-    spy = SimpleNamespace(**{name: getattr(numpy_path, name) for name in dir(numpy_path) if not name.startswith("__")})
-    spy.factor_and_solve = factor_and_solve
-    with monkeypatch.context() as patch:
-        patch.setattr(rod_module, "_border", border)
-        moved, view = look(rod, state)
-        # Softness leaves out of the step which contacts push; the columns are the same.
-        newton_step(replace(rod, path=spy), moved, view, softness=(1.0, 1.0))
-    size = 3 * len(state.frames)
-    hessian = np.zeros((size, size))
-    for i, (own, next_one) in enumerate(zip(seen["diagonal"], seen["upper"], strict=True)):
-        hessian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = own
-        if i + 1 < len(state.frames):
-            hessian[3 * i : 3 * i + 3, 3 * i + 3 : 3 * i + 6] = next_one
-            hessian[3 * i + 3 : 3 * i + 6, 3 * i : 3 * i + 3] = next_one.T
-    right = seen["right"].reshape(size, -1)
-    rows = 3 * int(state.holds.sum()) + int(state.touches.sum())
-    extra, compliance = right[:, rows:-1], seen["compliance"][rows:, rows:]
+def model(system: System, state: State) -> Model:
+    """The matrices of one step, as they are handed to the elimination."""
+    rod = system.rod
+    moved, view = look(system, state)
+    carried, gradient, diagonal, upper = numpy_path.linear_system(rod, moved, view)
+    border = numpy_path.border_rows(rod, moved, view, (1.0, 1.0))
+    columns = numpy_path.border_columns(rod, view, border, carried, diagonal).reshape(gradient.size, -1)
+    hessian = np.zeros((gradient.size, gradient.size))
+    for i in range(len(gradient)):
+        hessian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = diagonal[i]
+        if i + 1 < len(gradient):
+            hessian[3 * i : 3 * i + 3, 3 * i + 3 : 3 * i + 6] = upper[i]
+            hessian[3 * i + 3 : 3 * i + 6, 3 * i : 3 * i + 3] = upper[i].T
+    rows = len(border.held) + len(border.contacts)
+    extra, compliance = columns[:, rows:], border.compliance[rows:, rows:]
     curvature = extra @ np.linalg.solve(compliance, extra.T) if extra.shape[1] else np.zeros_like(hessian)
-    return Model(right[:, -1], hessian, curvature, right[:, :rows])
+    return Model(gradient.ravel(), hessian, curvature, columns[:, :rows], border.compliance[:rows, :rows] - np.eye(rows))
 
 
-def slopes(rod: Rod, state: State, step: float = 1e-5) -> np.ndarray:
+def slopes(system: System, state: State, step: float = 1e-5) -> np.ndarray:
     """First derivatives (3 (n-1),) of the Lagrangian with the turn of every segment, by differences of fourth order."""
     out = np.empty(3 * len(state.frames))
     for i in range(len(out)):
         turn = np.zeros(len(out))
         turn[i] = step
-        near, far = (lagrangian(rod, state, k * turn.reshape(-1, 3)) - lagrangian(rod, state, -k * turn.reshape(-1, 3)) for k in (1.0, 2.0))
+        near, far = (
+            lagrangian(system, state, k * turn.reshape(-1, 3)) - lagrangian(system, state, -k * turn.reshape(-1, 3)) for k in (1.0, 2.0)
+        )
         out[i] = (8 * near - far) / (12 * step)
     return out
 
 
-def bend(rod: Rod, state: State, turn: np.ndarray, step: float = 5e-4) -> float:
+def bend(system: System, state: State, turn: np.ndarray, step: float = 5e-4) -> float:
     """Second derivative of the Lagrangian along `turn` (n-1, 3), by differences of fourth order."""
-    near, far = (lagrangian(rod, state, k * step * turn) + lagrangian(rod, state, -k * step * turn) for k in (1.0, 2.0))
-    return (16 * near - far - 30 * lagrangian(rod, state, 0.0 * turn)) / (12 * step**2)
+    near, far = (lagrangian(system, state, k * step * turn) + lagrangian(system, state, -k * step * turn) for k in (1.0, 2.0))
+    return (16 * near - far - 30 * lagrangian(system, state, 0.0 * turn)) / (12 * step**2)

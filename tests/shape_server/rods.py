@@ -40,12 +40,12 @@ ALONG_X = frame((1.0, 0.0, 0.0))
 
 
 def grasps(*held: tuple[float, object, np.ndarray], hold: Hold = Hold.CLAMP) -> Grasps:
-    """Grasps from (arc length [m], position [m], frame), all of one kind."""
+    """Grasps from (arc length [m], position [m], frame), all of one kind; guides after a first clamp."""
     return Grasps(
         s=np.array([row[0] for row in held], dtype=float),
         position=np.array([row[1] for row in held], dtype=float).reshape(-1, 3),
         quaternion=np.array([row[2] for row in held], dtype=float).reshape(-1, 4),
-        hold=(hold,) * len(held),
+        hold=tuple(Hold.CLAMP if hold is Hold.GUIDE and k == 0 else hold for k in range(len(held))),
     )
 
 

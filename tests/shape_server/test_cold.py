@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rods import ALONG_X, GRAVITY, frame, grasps, random_spans
+from rods import ALONG_X, GRAVITY, cable, frame, grasps, random_spans
 from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Hold
-from shape_server.cold import curve_frames, frames_along
-from shape_server.mesh import even
+from protocol.messages import Grasps, Problem
+from shape_server import cold, kernels
+from shape_server.kernels import frames_along
+from shape_server.mesh import Mesh
+from shape_server.mesh import even as evenly
+
+
+def even(length: float, s: np.ndarray, segments: int) -> Mesh:
+    return evenly(np.unique([0.0, *s, length]), s, segments)
+
+
+def curve_frames(mesh: Mesh, held: Grasps, gravity: np.ndarray, turns: tuple[int, ...] = ()) -> np.ndarray:
+    problem = Problem(cable=cable(length=float(mesh.s[-1])), grasps=held, turns=turns)
+    return cold.curve_frames(mesh, problem, gravity, kernels)
 
 
 def directions(frames: np.ndarray) -> np.ndarray:
@@ -50,7 +62,7 @@ def test_frames_without_twist_turn_about_no_tangent() -> None:
     angle = np.linspace(0, 5, 200)
     tangents = np.column_stack([np.cos(angle), np.sin(angle), 0.3 * np.ones(200)])
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
-    frames = frames_along(tangents, Rotation.from_quat(frame(tangents[0])), 0)
+    frames = frames_along(tangents, frame(tangents[0]), 0)
     np.testing.assert_allclose(directions(frames), tangents, atol=1e-12)
     steps = (Rotation.from_quat(frames[:-1]).inv() * Rotation.from_quat(frames[1:])).as_rotvec()
     assert np.abs(steps[:, 2]).max() < 1e-4  # measured 3e-16
@@ -58,7 +70,7 @@ def test_frames_without_twist_turn_about_no_tangent() -> None:
 
 def test_a_tangent_that_turns_straight_back_still_gives_frames() -> None:
     tangents = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 0, 1.0], [0, 0, -1.0]])
-    frames = frames_along(tangents, Rotation.from_quat(ALONG_X), 0)
+    frames = frames_along(tangents, ALONG_X, 0)
     np.testing.assert_allclose(directions(frames), tangents, atol=1e-12)
 
 

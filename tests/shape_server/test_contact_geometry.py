@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from linear_model import build, lagrangian, model, slopes, state_of
+from linear_model import build, lagrangian, look, model, slopes, state_of
 from rods import ALONG_X, RADIUS, Row, cable, contacts, span
 from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Feature
 from protocol.messages import Problem
-from shape_server.rod import Rod, State, look
+from shape_server.rod import State
+from shape_server.system import System
 
 SEGMENTS = 12
 CASES = ["face", "edge crossing", "edge askew", "vertex", "edge at a node", "edge beyond the end", "vertex beyond the end"]
@@ -31,7 +30,7 @@ def arch(turn: float = 1.0) -> np.ndarray:
     return Rotation.concatenate(frames).as_quat()
 
 
-def touching(case: str, turn: float) -> tuple[Rod, State]:
+def touching(case: str, turn: float) -> tuple[System, State]:
     """A curve over one feature that pushes it up with 2 N, at a gap of 1.5 mm."""
     probe = build(Problem(cable=cable(), grasps=span()), (0.0, 0.0, 0.0), SEGMENTS)
     frames = arch(turn)
@@ -67,39 +66,38 @@ def touching(case: str, turn: float) -> tuple[Rod, State]:
     rod = build(Problem(cable=cable(), grasps=span(), contacts=rows), (0.0, 0.0, 0.0), SEGMENTS)
     state = state_of(rod, frames)
     _, view = look(rod, state)
-    assert rod.touch is not None
-    push = np.zeros(len(rod.touch.element))
+    push = np.zeros(len(rod.rod.touch.element))
     push[int(np.argmin(view.gap))] = 2.0
-    return rod, replace(state, push=push, touches=push > 0.0, force=np.array([[0.1, 0.2, -0.3]]))
+    return rod, state._replace(push=push, touches=push > 0.0, force=np.array([0.1, 0.2, -0.3]))
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0], ids=["sagging", "arching"])
 @pytest.mark.parametrize("case", CASES)
-def test_the_force_of_a_contact_is_the_slope_of_its_gap(case: str, turn: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_force_of_a_contact_is_the_slope_of_its_gap(case: str, turn: float) -> None:
     rod, state = touching(case, turn)
     expected = slopes(rod, state)
-    np.testing.assert_allclose(model(rod, state, monkeypatch).gradient, expected, atol=1e-8)  # measured 1e-11, of 0.2 N m
+    np.testing.assert_allclose(model(rod, state).gradient, expected, atol=1e-8)  # measured 1e-11, of 0.2 N m
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0], ids=["sagging", "arching"])
 @pytest.mark.parametrize("case", CASES)
-def test_the_column_of_a_contact_is_the_slope_of_its_gap(case: str, turn: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_column_of_a_contact_is_the_slope_of_its_gap(case: str, turn: float) -> None:
     rod, state = touching(case, turn)
-    column = model(rod, state, monkeypatch).columns[:, 3]
+    column = model(rod, state).columns[:, 3]
     loaded = slopes(rod, state)
-    unloaded = slopes(rod, replace(state, push=np.zeros_like(state.push)))
+    unloaded = slopes(rod, state._replace(push=np.zeros_like(state.push)))
     np.testing.assert_allclose(column, (unloaded - loaded) / 2.0, atol=1e-8)  # measured 7e-12 m
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0], ids=["sagging", "arching"])
 @pytest.mark.parametrize("case", CASES)
-def test_the_second_derivative_holds_with_the_sliding(case: str, turn: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_second_derivative_holds_with_the_sliding(case: str, turn: float) -> None:
     """The quadratic model exactly as the step builds it: Hessian plus curvature rows closed over their compliance.
 
     The model leaves out the slope of the bulge times the second derivative of the sliding, which is what the tolerance holds.
     """
     rod, state = touching(case, turn)
-    found = model(rod, state, monkeypatch)
+    found = model(rod, state)
     matrix = found.hessian + found.curvature
     rng = np.random.default_rng(4)
     middle = lagrangian(rod, state, np.zeros((SEGMENTS, 3)))
@@ -114,10 +112,10 @@ def test_the_second_derivative_holds_with_the_sliding(case: str, turn: float, mo
 
 
 @pytest.mark.parametrize(("case", "least"), [("edge askew", 0.3), ("vertex", 5.0)])
-def test_the_curvature_of_a_sharp_feature_matters(case: str, least: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_curvature_of_a_sharp_feature_matters(case: str, least: float) -> None:
     """Without its rows the model of 2 N on a lip of 6 mm is wrong by as much as the stiffness of the cable."""
     rod, state = touching(case, 1.0)
-    found = model(rod, state, monkeypatch)
+    found = model(rod, state)
     size = np.abs(np.linalg.eigvalsh(found.curvature)).max() / np.abs(np.linalg.eigvalsh(found.hessian)).max()
     assert size > least  # measured 0.8 and 24
 

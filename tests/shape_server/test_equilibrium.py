@@ -23,8 +23,9 @@ from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Hold, Outcome
 from protocol.messages import Problem
-from shape_server import solve
-from shape_server.equilibrium import RELAX_STEPS, relax, settle
+from shape_server import numpy_path, solve
+from shape_server.descent import relax
+from shape_server.equilibrium import RELAX_STEPS
 
 
 @pytest.mark.parametrize("bending", [1e-2, 1e-3, 1e-4])
@@ -32,7 +33,9 @@ def test_two_hundred_cold_starts_all_end_at_a_stable_equilibrium(bending: float)
     shapes = [solve(problem, GRAVITY, path=KERNELS) for problem in random_spans(200, bending, 1)]
     assert [shape.sentence for shape in shapes if shape.outcome is not Outcome.CONVERGED] == []
     assert all(is_honest(shape) for shape in shapes)
-    assert max(shape.iterations for shape in shapes) < 200  # measured 83, 72 and 103
+    iterations = [shape.iterations for shape in shapes]
+    assert np.median(iterations) < 60  # measured 25 to 35, on all meshes together
+    assert max(iterations) < 600  # measured 443: where the first way slips by turns, others are tried
 
 
 @pytest.mark.parametrize("bending", [1e-2, 1e-3, 1e-4])
@@ -77,9 +80,9 @@ def test_settling_at_a_saddle_says_that_it_is_not_stable(load: float, is_stable:
     """A column under its own weight w stands up to w L^3 = 7.84 EI (Greenhill 1881); balanced it is always."""
     upright = grasps((0.0, (0.0, 0.0, 0.0), frame((0.0, 0.0, 1.0))))
     rod = build(Problem(cable=cable(bending=0.981 / load), grasps=upright), GRAVITY, 50)
-    found = settle(rod, state_of(rod, np.tile(frame((0.0, 0.0, 1.0)), (50, 1))), lambda iteration, residual: None)
+    found = numpy_path.settle(rod.rod, state_of(rod, np.tile(frame((0.0, 0.0, 1.0)), (50, 1))), 0.0)
     assert found.is_converged
-    assert found.is_stable is is_stable
+    assert bool(found.is_stable) is is_stable
     assert found.iterations == 1
 
 
@@ -87,10 +90,10 @@ def test_descent_from_a_saddle_finds_the_buckled_shape() -> None:
     """Shortened by a tenth, the strut at its saddle must leave it."""
     held = span(0.9)
     rod = build(Problem(cable=cable(mass=0.0), grasps=held), WEIGHTLESS, 40)
-    found = relax(rod, state_of(rod, np.tile(ALONG_X, (40, 1))), lambda iteration, residual: None)
+    found = relax(numpy_path, rod.rod, state_of(rod, np.tile(ALONG_X, (40, 1))), lambda iteration, residual: None)
     assert found.is_converged
     assert found.is_stable
-    aside = np.linalg.norm(found.view.nodes[:, 1:], axis=1).max()
+    aside = np.linalg.norm(found.seen.nodes[:, 1:], axis=1).max()
     assert aside == pytest.approx(0.19, abs=0.02)  # 0.2 sqrt(0.9) by one half-wave of a cosine: 2/pi sqrt(1 - 0.9)
 
 
@@ -99,7 +102,7 @@ def test_descent_reports_progress_and_is_bounded() -> None:
     rod = build(Problem(cable=cable(), grasps=span()), GRAVITY, 40)
     frames = Rotation.random(40, random_state=rng).as_quat()
     told: list[int] = []
-    found = relax(rod, state_of(rod, frames), lambda iteration, residual: told.append(iteration))
+    found = relax(numpy_path, rod.rod, state_of(rod, frames), lambda iteration, residual: told.append(iteration))
     assert found.is_stable
     assert 0 < len(told) <= 2 * RELAX_STEPS
     assert found.iterations <= 2 * RELAX_STEPS

@@ -18,23 +18,35 @@ from scipy.spatial.transform import Rotation
 
 import shape_server
 from protocol.kinds import Feature, Friction
-from protocol.messages import Problem
-from protocol.scene import Vector
+from protocol.messages import PointLoads, Problem
+from protocol.scene import LumpedMass, Vector
 from shape_server import effects, numpy_path, solve
-from shape_server.rod import Rod, State
+from shape_server.rod import State
+from shape_server.system import System
+
+
+def replace_part(part: object, **changes: object) -> object:
+    """A message part with some fields changed."""
+    return type(part)(**{name: changes.get(name, getattr(part, name)) for name in part.__struct_fields__})
+
 
 FOLDER = Path(shape_server.__file__).parent / "effects"
 ROD = Problem(cable=cable(mass=0.0), grasps=span())
 FEATURE = Row(s=0.47, point=(0.28, 0.0, -0.2), direction=(0.0, 1.0, 0.0), feature=Feature.EDGE)
+LOADS = PointLoads(s=np.array([0.25, 0.47]), force=np.array([[0.1, -0.2, -0.3], [0.0, 0.1, 0.2]]))
 POSTURES: dict[str, tuple[Problem, Vector]] = {
     "gravity": (Problem(cable=cable(), grasps=span()), GRAVITY),
-    "bending": (ROD, WEIGHTLESS),
+    "masses": (Problem(cable=replace(cable(mass=0.0), masses=(LumpedMass(0.47, 0.1),)), grasps=span()), GRAVITY),
+    "loads": (Problem(cable=cable(mass=0.0), grasps=span(), loads=LOADS), WEIGHTLESS),
+    "bending": (replace_part(ROD, cable=replace(cable(mass=0.0), bending_2=3e-2)), WEIGHTLESS),
     "twist": (ROD, WEIGHTLESS),
+    "preform": (replace_part(ROD, cable=replace(cable(mass=0.0), natural_curvature=(0.5, -2.0, 1.0))), WEIGHTLESS),
+    "stretch": (replace_part(ROD, cable=replace(cable(mass=0.0), stretch=20.0)), WEIGHTLESS),
     "contact": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(FEATURE)), WEIGHTLESS),
     "bond": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(replace(FEATURE, friction=Friction.BOND))), WEIGHTLESS),
 }
 """A posture for every effect: the smallest problem that asks for it."""
-INTERNAL = ("bending", "twist")  # forces of the cable on itself
+INTERNAL = ("bending", "twist", "preform", "stretch")  # forces of the cable on itself
 
 EVERY = pytest.mark.parametrize("name", list(effects.ASKED_BY))
 
@@ -50,26 +62,26 @@ def crooked(count: int) -> np.ndarray:
     return Rotation.concatenate(frames).as_quat()
 
 
-def loaded(name: str) -> tuple[Rod, State]:
+def loaded(name: str) -> tuple[System, State]:
     """A crooked rod under one effect, every row of it with a force."""
     problem, gravity = POSTURES[name]
     rod = build(problem, gravity)
     frames = crooked(len(rod.mesh.lengths))
-    if rod.touch is not None:
+    if len(rod.push):
         rod = build(Problem(cable=problem.cable, grasps=problem.grasps, contacts=contacts(under(rod, frames))), gravity)
     state = state_of(rod, frames)
     force = np.random.default_rng(9).normal(size=state.force.shape)
     push = state.push
-    if rod.touch is not None:
+    if len(rod.push):
         gap = look(rod, state)[1].gap
         assert np.abs(gap).min() < 2e-3
         push = np.where(np.arange(len(gap)) == np.argmin(np.abs(gap)), 1.5, 0.0)
     return rod, state_of(rod, frames, force=force, push=push)
 
 
-def under(rod: Rod, frames: np.ndarray) -> Row:
+def under(rod: System, frames: np.ndarray) -> Row:
     """`FEATURE` moved to just below the crooked cable."""
-    _, view = look(replace(rod, touch=None), replace(state_of(rod, frames), push=np.zeros(0), touches=np.zeros(0, dtype=bool)))
+    _, view = look(rod, state_of(rod, frames))
     j = 5
     normal = np.cross(view.axes[j, 2], FEATURE.direction)
     normal *= np.sign(normal[2]) / np.linalg.norm(normal)
@@ -90,12 +102,10 @@ def moved(problem: Problem, gravity: Vector, turn: Rotation, shift: np.ndarray) 
             direction=turn.apply(touched.direction),
         )
     g = turn.apply(gravity)
-    return Problem(cable=problem.cable, grasps=held, contacts=touched), (float(g[0]), float(g[1]), float(g[2]))
-
-
-def replace_part(part: object, **changes: object) -> object:
-    """A message part with some fields changed."""
-    return type(part)(**{name: changes.get(name, getattr(part, name)) for name in part.__struct_fields__})
+    loads = problem.loads
+    if loads is not None:
+        loads = replace_part(loads, force=turn.apply(loads.force))
+    return Problem(cable=problem.cable, grasps=held, contacts=touched, loads=loads), (float(g[0]), float(g[1]), float(g[2]))
 
 
 def quadratic_form(found: Model, turn: np.ndarray) -> float:
@@ -124,15 +134,15 @@ def test_an_effect_says_in_its_file_what_it_is(name: str) -> None:
 
 
 @EVERY
-def test_the_gradient_is_the_slope_of_the_energy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_gradient_is_the_slope_of_the_energy(name: str) -> None:
     rod, state = loaded(name)
-    np.testing.assert_allclose(model(rod, state, monkeypatch).gradient, slopes(rod, state), atol=1e-8)  # measured 1e-11
+    np.testing.assert_allclose(model(rod, state).gradient, slopes(rod, state), atol=1e-8)  # measured 1e-11
 
 
 @EVERY
-def test_the_hessian_is_the_second_derivative_of_the_energy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_hessian_is_the_second_derivative_of_the_energy(name: str) -> None:
     rod, state = loaded(name)
-    found = model(rod, state, monkeypatch)
+    found = model(rod, state)
     rng = np.random.default_rng(10)
     for _ in range(10):
         turn = rng.normal(size=state.frames[:, :3].shape)
@@ -142,44 +152,65 @@ def test_the_hessian_is_the_second_derivative_of_the_energy(name: str, monkeypat
 
 
 @EVERY
-def test_the_hessian_is_symmetric(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_rows_change_with_turns_and_forces_as_their_columns_and_compliance_say(name: str) -> None:
     rod, state = loaded(name)
-    found = model(rod, state, monkeypatch)
+    found = model(rod, state)
+    rng = np.random.default_rng(11)
+    turn, force = rng.normal(size=state.frames[:, :3].shape), rng.normal(size=state.force.shape)
+
+    def missed(size: float) -> np.ndarray:
+        moved = state._replace(frames=numpy_path.retract(state.frames, size * turn), force=state.force + size * force)
+        return look(rod, moved)[1].miss
+
+    change = (missed(1e-6) - missed(-1e-6)) / 2e-6
+    held = len(state.force)
+    expected = found.columns[:, :held].T @ turn.ravel() + found.compliance[:held, :held] @ force
+    np.testing.assert_allclose(change, expected, atol=1e-8)  # measured 5e-10
+
+
+@EVERY
+def test_the_hessian_is_symmetric(name: str) -> None:
+    rod, state = loaded(name)
+    found = model(rod, state)
     for matrix in (found.hessian, found.curvature):
         np.testing.assert_allclose(matrix, matrix.T, atol=1e-12 * max(1.0, np.abs(matrix).max()))
 
 
 @EVERY
-def test_internal_effects_exert_no_net_force_and_no_net_moment(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_internal_effects_exert_no_net_force_and_no_net_moment(name: str) -> None:
     """Turning the whole free cable changes no energy of its own; gravity changes it by the moment of the weight."""
     problem, gravity = POSTURES[name]
     rod = build(problem, gravity)
-    rod = replace(rod, clamp_of_node=np.full(len(rod.mesh.s), -1), clamp_frames=np.zeros((0, 4)))
+    rod = replace(rod, rod=rod.rod._replace(clamp_of_node=np.full(len(rod.mesh.s), -1), clamp_frames=np.zeros((0, 4))))
     frames = crooked(len(rod.mesh.lengths))
     state = state_of(rod, frames)
-    state = replace(state, force=np.zeros_like(state.force), push=np.zeros_like(state.push), touches=np.zeros_like(state.touches))
-    gradient = model(rod, state, monkeypatch).gradient.reshape(-1, 3)
+    state = state._replace(force=np.zeros_like(state.force), push=np.zeros_like(state.push), touches=np.zeros_like(state.touches))
+    gradient = model(rod, state).gradient.reshape(-1, 3)
     moment = Rotation.from_quat(frames).apply(gradient).sum(axis=0)
     _, view = look(rod, state)
-    expected = -np.cross(view.nodes - rod.origin, rod.loads).sum(axis=0)
+    expected = -np.cross(view.nodes - rod.rod.origin, rod.rod.loads).sum(axis=0)
     np.testing.assert_allclose(moment, expected, atol=1e-14)
-    weight = np.multiply(problem.cable.mass_per_length * problem.cable.length, gravity)
-    np.testing.assert_allclose(rod.loads.sum(axis=0), weight, atol=1e-15)
+    cable = problem.cable
+    weight = np.multiply(cable.mass_per_length * cable.length + sum(mass.mass for mass in cable.masses), gravity)
+    if problem.loads is not None:
+        weight += problem.loads.force.sum(axis=0)
+    np.testing.assert_allclose(rod.rod.loads.sum(axis=0), weight, atol=1e-15)
     if name in INTERNAL:
-        assert not rod.loads.any()
+        assert not rod.rod.loads.any()
 
 
 @EVERY
-def test_a_straight_cable_at_rest_feels_nothing_but_its_weight(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_straight_cable_at_rest_feels_nothing_but_its_weight(name: str) -> None:
     problem, gravity = POSTURES[name]
     straight = grasps((0.0, (0.0, 0.0, 0.0), ALONG_X), (1.0, (1.0, 0.0, 0.0), ALONG_X))
-    rod = build(Problem(cable=problem.cable, grasps=straight, contacts=problem.contacts), gravity)
+    rest = replace(problem.cable, natural_curvature=None)
+    rod = build(Problem(cable=rest, grasps=straight, contacts=problem.contacts, loads=problem.loads), gravity)
     state = state_of(rod, np.tile(ALONG_X, (len(rod.mesh.lengths), 1)))
-    gradient = model(rod, state, monkeypatch).gradient.reshape(-1, 3)
-    carried = numpy_path.carried_forces(rod.loads, rod.base)
+    gradient = model(rod, state).gradient.reshape(-1, 3)
+    carried = numpy_path.carried_forces(rod.rod.loads, rod.rod.base)
     turned = np.cross([0.0, 0.0, 1.0], Rotation.from_quat(ALONG_X).inv().apply(carried)) * rod.mesh.lengths[:, None]
     np.testing.assert_allclose(gradient, -turned, atol=1e-14)
-    if name != "gravity":
+    if name not in ("gravity", "masses", "loads"):
         assert not gradient.any()
 
 
@@ -198,17 +229,19 @@ def test_the_shape_turns_and_moves_with_the_problem(name: str) -> None:
 
 
 @EVERY
-def test_the_gradient_turns_and_moves_with_the_problem(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_gradient_turns_and_moves_with_the_problem(name: str) -> None:
     rod, state = loaded(name)
     turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
     problem, gravity = POSTURES[name]
-    if rod.touch is not None:
+    if len(rod.push):
         problem = Problem(cable=problem.cable, grasps=problem.grasps, contacts=contacts(under(rod, state.frames)))
     rod_there = build(*moved(problem, gravity, turn, np.array([0.4, -2.0, 1.3])))
     frames = (turn * Rotation.from_quat(state.frames)).as_quat()
-    there = replace(state, frames=frames, force=turn.apply(state.force))
-    expected = model(rod, state, monkeypatch).gradient
-    np.testing.assert_allclose(model(rod_there, there, monkeypatch).gradient, expected, atol=1e-12)
+    there = state._replace(frames=frames)
+    turned = turn.apply(state.force.reshape(-1, 3))
+    there = there._replace(force=turned.ravel())
+    expected = model(rod, state).gradient
+    np.testing.assert_allclose(model(rod_there, there).gradient, expected, atol=1e-12)
 
 
 @EVERY
@@ -235,16 +268,21 @@ print(sorted(loaded), sorted(effects.asked_for(problem, gravity)), sep="|")
 @EVERY
 def test_leaving_an_effect_out_leaves_out_its_unknowns(name: str) -> None:
     problem, gravity = POSTURES[name]
-    bare = build(ROD, WEIGHTLESS)
-    rod = build(problem, gravity)
+    bare = build(ROD, WEIGHTLESS).rod
+    rod = build(problem, gravity).rod
     added = {
         "gravity": rod.loads.any(),
-        "bending": rod.law[0] > 0,
-        "twist": rod.law[2] > 0,
-        "contact": rod.touch is not None,
+        "masses": rod.loads.any(),
+        "loads": rod.loads.any(),
+        "bending": rod.elastic.law[0, 0] > 0,
+        "twist": rod.elastic.law[0, 2] > 0,
+        "preform": rod.elastic.bent.any(),
+        "stretch": len(rod.give) > 0,
+        "contact": len(rod.touch.contact) > 0,
         "bond": len(rod.held.element) > len(bare.held.element),
     }
     assert added[name]
-    assert bare.touch is None
+    assert len(bare.touch.contact) == len(bare.give) == 0
     assert not bare.loads.any()
-    assert len(bare.held.element) == 1
+    assert not bare.elastic.bent.any()
+    assert len(bare.held.element) == 3

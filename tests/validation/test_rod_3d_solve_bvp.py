@@ -145,7 +145,7 @@ def test_the_error_estimate_is_true(name: str) -> None:
     for segments in MESHES:
         shape = on_mesh(name, segments)
         assert shape.error is not None
-        assert 0.9 < shape.error / position_error(shape, reference(name)) < 1.1  # measured 0.94 to 1.06
+        assert 1.1 < shape.error / position_error(shape, reference(name)) < 1.5  # measured 1.22 to 1.38; factor of safety 1.3
 
 
 @each_case

@@ -1,0 +1,98 @@
+"""Compiled kernel of the rigid catenary: arrays in, arrays out, in a few microseconds for a hundred nodes.
+
+The same formulas in the same order as `hang` in `catenary.py`, where they are derived and where all that surrounds them
+(forces at the ends, curvature, the elastic cable) is found; the tests hold the two together.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+TAUT = 1e-12  # as in catenary.py
+FOLDED = 1e-12
+
+
+@njit(cache=True)
+def hanging_nodes(start, end, length, load, s):  # type: ignore[no-untyped-def]
+    """Nodes and tension of a rigid cable that hangs between two points.
+
+    Args:
+        start: (3,) m.
+        end: (3,) m, no further from `start` than `length`.
+        length: [m].
+        load: (3,) [N/m] Weight per metre, not zero.
+        s: (n,) [m] Arc lengths asked for.
+
+    Returns:
+        nodes (n, 3) [m] and tension (n,) [N].
+    """
+    weight = math.sqrt(load[0] * load[0] + load[1] * load[1] + load[2] * load[2])
+    u0, u1, u2 = -load[0] / weight, -load[1] / weight, -load[2] / weight
+    c0, c1, c2 = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    rise = c0 * u0 + c1 * u1 + c2 * u2
+    a0, a1, a2 = c0 - rise * u0, c1 - rise * u1, c2 - rise * u2
+    span = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+    if span > 0.0:
+        a0, a1, a2 = a0 / span, a1 / span, a2 / span
+    horizontal, first = _end_forces(span, rise, math.sqrt(c0 * c0 + c1 * c1 + c2 * c2), length, weight)
+    first_tension = math.sqrt(horizontal * horizontal + first * first)
+    count = len(s)
+    nodes, tension = np.empty((count, 3)), np.empty(count)
+    for i in range(count):
+        vertical = first + weight * s[i]
+        pull = math.sqrt(horizontal * horizontal + vertical * vertical)
+        y = s[i] * (vertical + first) / max(pull + first_tension, 1e-300)
+        x = 0.0
+        if horizontal > 0.0:
+            if vertical * first > 0.0:
+                x = weight * s[i] * (vertical + first) / (vertical * first_tension + first * pull)
+            else:
+                x = (vertical * first_tension - first * pull) / horizontal / horizontal
+            x = horizontal / weight * math.asinh(x)
+        nodes[i, 0] = start[0] + x * a0 + y * u0
+        nodes[i, 1] = start[1] + x * a1 + y * u1
+        nodes[i, 2] = start[2] + x * a2 + y * u2
+        tension[i] = pull
+    return nodes, tension
+
+
+@njit(cache=True)
+def _end_forces(span, rise, chord, length, weight):  # type: ignore[no-untyped-def]
+    """Horizontal force, and vertical force at the first end [N]."""
+    if span < FOLDED * length:
+        return 0.0, -0.5 * weight * (length - rise)
+    left = max(length - chord, TAUT * length) * (length + chord)
+    root = math.sqrt(left + span * span)
+    u = _parameter(left / (span * (span + root)))
+    horizontal = weight * span / (2.0 * u)
+    return horizontal, horizontal * math.sinh(math.asinh(rise / root) - u)
+
+
+@njit(cache=True)
+def _parameter(excess):  # type: ignore[no-untyped-def]
+    """Positive x with sinh(x) / x = 1 + excess."""
+    x = math.sqrt(6.0 * excess) if excess < 3.0 else math.log(2.0 * (1.0 + excess) * math.log(2.0 * (1.0 + excess)))
+    goal = math.log1p(excess)
+    for _ in range(60):
+        grown, over = _sinh_over(x)
+        step = x * (math.log1p(grown) - goal) / over
+        x -= min(step, 0.5 * x)
+        if abs(step) < 1e-15 * x:
+            break
+    return x
+
+
+@njit(cache=True)
+def _sinh_over(u):  # type: ignore[no-untyped-def]
+    """The pair sinh(u)/u - 1 and u coth(u) - 1, without cancellation."""
+    if u > 1.0:
+        return math.sinh(u) / u - 1.0, u / math.tanh(u) - 1.0
+    term, grown, difference = 1.0, 0.0, 0.0
+    for j in range(2, 22, 2):
+        term *= u * u / (j * (j + 1))
+        grown += term
+        difference += j * term
+    return grown, difference / (1.0 + grown)

@@ -1,0 +1,64 @@
+"""Drives the iterations of `equilibrium` from Python: in slices, so that a long one can say that it is alive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Final
+
+import numpy as np
+
+from .equilibrium import CLOSE, GOING_ON, NO_MINIMUM, RELAX_STEPS, Descent, Settled
+from .rod import Rod, State
+
+SLICE: Final = 50  # steps between two signs of life
+
+Progress = Callable[[int, float], None]
+
+
+def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settled:
+    """Descend to a minimum of the energy from any state, then settle there."""
+    begun = state._replace(push=np.maximum(state.push, 0.0))
+    seen, view = path.look(rod, begun, rod.touch.normal)
+    start = Settled(seen, view, False, False, 0, np.inf, GOING_ON)
+    descent = Descent(start, begun.force, begun.push, float(path.begin_stiffness(rod)), 0.0, 0, np.inf)
+    while True:
+        descent = Descent(*path.descend(rod, descent, SLICE))
+        found = descent.settled
+        progress(found.iterations, float(found.unbalanced))
+        if found.why == CLOSE:
+            settled = Settled(*path.settle(rod, found.state, 0.0))
+            iterations = found.iterations + settled.iterations
+            if settled.is_converged and settled.is_stable:
+                return settled._replace(iterations=iterations)
+            descent = _go_on(path, rod, descent, iterations)
+        elif found.why != GOING_ON:
+            return Settled(*found)
+
+
+def _go_on(path: ModuleType, rod: Rod, descent: Descent, iterations: int) -> Descent:
+    """The descent after an equilibrium that is none to settle at; beside it, if it came there with help, as to a saddle."""
+    found, state, view = descent.settled, descent.settled.state, descent.settled.seen
+    if descent.helped > 0:
+        kicked = State(*state)._replace(frames=path.retract(state.frames, path.kick(rod)))
+        state, view = path.look(rod, kicked, rod.touch.normal)
+    over = iterations >= RELAX_STEPS
+    settled = Settled(state, view, False, False, iterations, found.unbalanced, NO_MINIMUM if over else GOING_ON)
+    return descent._replace(settled=settled, helped=0)
+
+
+def settle_or_relax(path: ModuleType, rod: Rod, begin: State, progress: Progress) -> Settled:
+    """Settle from a state nearby; relax from it where that finds no stable equilibrium."""
+    after = Settled(*path.settle(rod, begin, 0.0))
+    progress(after.iterations, float(after.unbalanced))
+    if after.is_converged and after.is_stable:
+        return after
+    relaxed = relax(path, rod, off_the_saddle(path, rod, begin, after), progress)
+    return relaxed._replace(iterations=relaxed.iterations + after.iterations)
+
+
+def off_the_saddle(path: ModuleType, rod: Rod, begin: State, after: Settled) -> State:
+    """Where to relax from: beside the unstable equilibrium that was found, or the beginning if there was none."""
+    if not after.is_converged:
+        return begin
+    return State(*after.state)._replace(frames=path.retract(after.state.frames, path.kick(rod)))

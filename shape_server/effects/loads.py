@@ -1,0 +1,20 @@
+"""Loads: forces given at points of the cable, fixed in the world frame (dead loads).
+
+A force P at arc length s does the work P . r(s); it is shared by the two nodes of its segment. Forces that turn with the cable
+(follower loads) have no energy and are left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.messages import Problem
+from protocol.scene import Vector
+
+from ..mesh import Mesh
+
+
+def node_loads(problem: Problem, gravity: Vector, mesh: Mesh) -> np.ndarray:
+    """The given forces at every node, (n, 3) [N]."""
+    assert problem.loads is not None
+    return mesh.shared(problem.loads.s, problem.loads.force)

@@ -1,0 +1,104 @@
+"""A few Newton steps after small motions of the grasps, and the nested combination of two meshes, in one compiled call."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .chain import interpolate_frames, retract
+from .equilibrium import EXACT
+from .newton import newton_step
+from .rod import State, look
+
+SHORT = 1e-3  # rad; a Newton step this long leaves an error of about its square
+STEPS = 6
+
+
+@njit(cache=True)
+def hold_at(rod, held, position, quaternion):  # type: ignore[no-untyped-def]
+    """Move the grasps of a rod to new poses, in place; `held` says which grasp each row, each clamp and the base belongs to."""
+    rows, clamps, base = held
+    for k in range(3):
+        rod.origin[k] = position[base, k]
+    for clamp in range(len(clamps)):
+        for k in range(4):
+            rod.clamp_frames[clamp, k] = quaternion[clamps[clamp], k]
+    for row in range(len(rows)):
+        rod.held.goal[row] = 0.0
+        for k in range(3):
+            rod.held.goal[row] += rod.held.axis[row, k] * position[rows[row], k]
+
+
+@njit(cache=True)
+def follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-def]
+    """Move the grasps, and the state after them, in place.
+
+    Returns:
+        Nodes (n, 3) [m], and 1 at a stable equilibrium, 0 at another, -1 if no step became short: the state is then as it was.
+    """
+    hold_at(rod, held, position, quaternion)
+    after, nodes, verdict = _settled(rod, state, SHORT, STEPS)
+    if verdict >= 0:
+        state.frames[:] = after.frames
+        state.force[:] = after.force
+    return nodes, verdict
+
+
+@njit(cache=True)
+def _settled(rod, state, short, steps):  # type: ignore[no-untyped-def]
+    """Newton steps until one is shorter than `short` [rad]: state, nodes, verdict."""
+    state, view = look(rod, state, rod.touch.normal)
+    for _ in range(steps):
+        step = newton_step(rod, state, view, EXACT, 0.0)
+        longest = np.abs(step.turn).max()
+        if not longest < 1.0:
+            break
+        state = State(retract(state.frames, step.turn), step.force, state.holds, step.push, step.touches, state.fraction)
+        state, view = look(rod, state, view.push)
+        if longest < short:
+            return state, view.nodes, 1 if step.is_stable else 0
+    return state, view.nodes, -1
+
+
+@njit(cache=True)
+def follow_nested(rod, finer, held, state, between, position, quaternion):  # type: ignore[no-untyped-def]
+    """The same on a mesh and, by one more step, on the one with every segment halved; nodes of fourth order.
+
+    Args:
+        rod: On the coarser mesh.
+        finer: The same rod on the finer mesh.
+        held: See `hold_at`.
+        state: Of the coarser mesh.
+        between: Arc lengths [m] of the frames known, clamps at the ends among them (k,), and of the middles of the finer mesh (m,).
+        position: (g, 3) [m].
+        quaternion: (g, 4).
+
+    Returns:
+        Nodes (n, 3) [m] of the coarser mesh, the verdict of `follow`, and the largest distance of the two meshes' nodes [m].
+    """
+    nodes, verdict = follow(rod, held, state, position, quaternion)
+    if verdict < 0:
+        return nodes, verdict, np.inf
+    hold_at(finer, held, position, quaternion)
+    there, here = between
+    count, first = len(state.frames), 1 if rod.clamp_of_node[0] >= 0 else 0
+    frames = np.empty((len(there), 4))
+    if first:
+        frames[0] = rod.clamp_frames[rod.clamp_of_node[0]]
+    frames[first : first + count] = state.frames
+    if len(there) > first + count:
+        frames[first + count] = rod.clamp_frames[rod.clamp_of_node[count]]
+    begun = State(interpolate_frames(there, frames, here), state.force, state.holds, state.push, state.touches, state.fraction)
+    # One step from a shape that is off by c h^2 leaves an error of its square: of fourth order.
+    _, fine, more = _settled(finer, begun, 1.0, 1)
+    if more < 0:
+        return nodes, more, np.inf
+    apart, out = 0.0, np.empty_like(nodes)
+    for i in range(len(nodes)):
+        size = 0.0
+        for k in range(3):
+            difference = fine[2 * i, k] - nodes[i, k]
+            out[i, k] = fine[2 * i, k] + difference / 3.0
+            size += difference * difference
+        apart = max(apart, np.sqrt(size))
+    return out, verdict, apart

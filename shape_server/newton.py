@@ -1,0 +1,165 @@
+"""One Newton step of the rod: gradient, Hessian, border and their solution, compiled.
+
+With H the Hessian of the elastic energy less the work of all forces, C the border columns and B the compliance of every
+row, a Newton step solves
+
+    [ H   -C ] [ theta   ]   [ -gradient           ]
+    [ C^T  B ] [ d force ] = [ -residual of the row ]
+
+through the Schur complement S = C^T H^-1 C + B. B is zero for an exact row, 1/k for a penalty, and an indefinite block
+for the curvature of an edge (see `contact_geometry`). The state is a stable equilibrium if negative(H) + positive(S)
+equals the number of rows plus the negative directions that the curvature blocks bring with them (Sylvester's law).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from .axial import add_give
+from .border import border_rows
+from .chain import carried_forces
+from .closing import close
+from .elimination import columns, factor_and_solve
+from .rod import node_forces
+from .vertices import assemble
+
+
+class Step(NamedTuple):
+    """A Newton step and what its factorisation says."""
+
+    turn: np.ndarray  # (n-1, 3) rad
+    force: np.ndarray  # (h,) N, new forces of the rows of held points
+    push: np.ndarray  # (m,) N, new forces at contacts
+    touches: np.ndarray  # (m,) bool, contacts that push
+    is_stable: bool
+    unbalanced: float  # N, largest unbalanced couple of a segment before the step, over its length
+    slope: float  # J, gradient . turn
+
+
+@njit(cache=True)
+def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
+    """Carried forces, then gradient, diagonal and upper blocks, the couples of the contacts added to the gradient."""
+    carried = carried_forces(node_forces(rod, state, view), rod.base)
+    gradient, diagonal, upper = assemble(
+        state.frames, view.axes, rod.lengths, view.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, carried
+    )
+    for row in range(len(state.push)):
+        couple = _couple(rod, view, row)
+        for k in range(2):
+            gradient[rod.touch.element[row], k] -= state.push[row] * couple[k]
+    return carried, gradient, diagonal, upper
+
+
+@njit(cache=True)
+def _couple(rod, view, row):  # type: ignore[no-untyped-def]
+    """Change of the gap of a contact with the rotation of its segment about d1 and d2 [m].
+
+    A force on an edge or a vertex acts at the feature, not at the axis.
+    """
+    axes, arm = view.axes[rod.touch.element[row]], view.numbers[row, 2]
+    first = view.normal[row, 0] * axes[0, 0] + view.normal[row, 1] * axes[0, 1] + view.normal[row, 2] * axes[0, 2]
+    second = view.normal[row, 0] * axes[1, 0] + view.normal[row, 1] * axes[1, 1] + view.normal[row, 2] * axes[1, 2]
+    return -arm * second, arm * first
+
+
+@njit(cache=True)
+def unbalanced(rod, state, view):  # type: ignore[no-untyped-def]
+    """Largest unbalanced couple of a segment over its length [N]."""
+    return _largest_couple(linear_system(rod, state, view)[1], rod.lengths)
+
+
+@njit(cache=True)
+def _largest_couple(gradient, lengths):  # type: ignore[no-untyped-def]
+    most = 0.0
+    for j in range(len(lengths)):
+        for k in range(3):
+            most = max(most, abs(gradient[j, k]) / lengths[j])
+    return most
+
+
+@njit(cache=True)
+def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
+    """One Newton step from a state.
+
+    With exact rows, which contacts push is part of the step: of the linearised system it is the one solution in which every
+    contact is open or pushes. Otherwise the present set of touches stays.
+
+    Args:
+        rod: The system.
+        state: Where it is; `force` and `push` are the forces now acting.
+        view: Of that state.
+        soft: [m/N] Compliances of held points and of contacts, whose rows then already balance (augmented Lagrangian); zeros for
+            exact rows.
+        shift: [N] Added to the Hessian, times the length of each segment.
+    """
+    carried, gradient, diagonal, upper = linear_system(rod, state, view)
+    fix_gauge(rod, diagonal, shift)
+    is_exact = soft[0] == 0.0
+    border = border_rows(rod, state, view, soft)
+    matrix = border_columns(rod, view, border, carried, diagonal)
+    count, held, contacts = len(border.element), border.held, border.contacts
+    right = np.empty((len(gradient), 3, count + 1))
+    right[:, :, :count] = matrix
+    right[:, :, count] = gradient
+    negative = factor_and_solve(diagonal, upper, right)
+    answers = right.reshape(3 * len(gradient), count + 1)
+    schur = matrix.reshape(3 * len(gradient), count).T @ answers
+    change, closed, positive = close(
+        np.ascontiguousarray(schur[:, :count]) + border.compliance,
+        schur[:, count] - border.residual,
+        len(held),
+        len(contacts),
+        state.push[contacts],
+        is_exact,
+    )
+    answer = np.append(change, -1.0)
+    turn = (answers @ answer).reshape(-1, 3)
+    force, push, touches = state.force.copy(), state.push.copy(), state.touches.copy()
+    force[held] += change[: len(held)]
+    push[contacts] += change[len(held) : len(held) + len(contacts)]
+    touches[contacts] = closed
+    push[~touches] = 0.0
+    is_stable = negative + positive == len(held) + closed.sum() + border.saddles
+    slope = (gradient * turn).sum()
+    return Step(turn, force, push, touches, is_stable, _largest_couple(gradient, rod.lengths), slope)
+
+
+@njit(cache=True)
+def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-untyped-def]
+    """Columns (n-1, 3, count) of all rows; what stretch adds goes to `diagonal` and to the compliance of the border too."""
+    matrix = columns(view.axes, view.lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
+    for k in range(len(border.contacts)):
+        row = border.contacts[k]
+        couple = _couple(rod, view, row)
+        for axis in range(2):
+            matrix[rod.touch.element[row], axis, len(border.held) + k] += couple[axis]
+    if len(rod.give) > 0:
+        add_give(
+            rod.give,
+            view.axes,
+            carried,
+            diagonal,
+            rod.base,
+            border.element,
+            border.fraction,
+            border.vector,
+            border.is_turn,
+            matrix,
+            border.compliance,
+        )
+    return matrix
+
+
+@njit(cache=True)
+def fix_gauge(rod, diagonal, shift):  # type: ignore[no-untyped-def]
+    """Add the shift, and where no clamp holds the roll of the cable, hold that of one segment: it changes no shape."""
+    if shift > 0.0:
+        for j in range(len(diagonal)):
+            for k in range(3):
+                diagonal[j, k, k] += shift * rod.lengths[j]
+    if len(rod.clamp_frames) == 0:
+        segment = min(rod.base, len(rod.lengths) - 1)
+        diagonal[segment, 2, 2] += rod.elastic.law[segment, 2] / rod.length

@@ -1,0 +1,78 @@
+"""What one piece of cable is asked for, and how far its solution has come."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from types import ModuleType
+
+import numpy as np
+
+from protocol.messages import Problem
+from protocol.scene import Vector
+
+from .descent import Progress
+from .equilibrium import Settled
+from .mesh import Mesh
+from .reading import Reading, read
+from .system import System, build
+
+
+@dataclass(frozen=True)
+class Task:
+    """One problem without clamps inside it, and what is wanted of its answer."""
+
+    problem: Problem
+    gravity: Vector
+    tolerance: float  # m
+    budget: float | None  # s, in place of the tolerance
+    extrapolate: bool  # whether shapes of two meshes may be combined
+    margin: bool  # whether the stability margin is wanted
+    used: tuple[str, ...]  # effects
+    path: ModuleType
+    progress: Progress
+    begun: float = field(default_factory=time.perf_counter)
+
+    def system(self, mesh: Mesh) -> System:
+        """The equations on a mesh."""
+        return build(self.problem, self.gravity, self.used, mesh)
+
+    @property
+    def seconds(self) -> float:
+        """[s] Since the task was begun."""
+        return time.perf_counter() - self.begun
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A settled rod on one mesh, and what it says."""
+
+    system: System
+    found: Settled
+    reading: Reading
+
+    @staticmethod
+    def of(task: Task, system: System, found: Settled) -> Solution:
+        """Read a settled rod."""
+        return Solution(system, found, read(task.problem, system, found, task.path))
+
+    def layers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places (k,) [m] where boundary layers may be, and their lengths sqrt(EI / T) (k,) [m], T the force carried there.
+
+        A clamp, a contact or a point load bends the cable over this length.
+        """
+        rod, mesh, touch = self.system.rod, self.system.mesh, self.system.rod.touch
+        on = self.found.state.push > 0.0
+        touched = mesh.s[touch.element[on]] + self.found.state.fraction[on] * mesh.lengths[touch.element[on]]
+        places = np.concatenate([self.stops, touched])
+        segment, _ = mesh.locate(places)
+        force = np.abs(self.reading.tension)
+        beside = np.maximum(force[segment], force[np.maximum(segment - 1, 0)])
+        law = rod.elastic.law[:, :2].min(axis=1)
+        return places, np.sqrt(np.minimum(law[segment], law[np.maximum(segment - 1, 0)]) / np.maximum(beside, 1e-300))
+
+    @property
+    def stops(self) -> np.ndarray:
+        """(k,) [m] Ends and held points."""
+        mesh = self.system.mesh
+        return np.unique(np.concatenate([mesh.s[[0, -1]], mesh.s[mesh.grasp_nodes]]))

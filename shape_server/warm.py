@@ -1,0 +1,50 @@
+"""From a start shape: the same nodes, the same branch, a step or two of Newton's method."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.messages import Shape
+
+from .answer import rod_shape
+from .descent import off_the_saddle, relax
+from .equilibrium import NEAR, WHY, Settled
+from .mesh import Mesh, from_nodes, halved
+from .refine import cold, judged
+from .richardson import transfer
+from .task import Solution, Task
+
+
+def warm(task: Task) -> Shape:
+    """Solve from the start shape; relax from it, or start anew, where that is needed."""
+    start = task.problem.start
+    assert start is not None
+    system = task.system(from_nodes(np.array(start.s), task.problem.cable.length, task.problem.grasps.s))
+    rod, begin = system.rod, system.start(np.array(start.frames))
+    found = Settled(*task.path.settle(rod, begin, 0.0))
+    sentence = "settled from the start shape"
+    if not (found.is_converged and found.is_stable):
+        sentence = f"relaxed from the start shape, because {WHY[found.why]}"
+        relaxed = relax(task.path, rod, off_the_saddle(task.path, rod, begin, found), task.progress)
+        found = relaxed._replace(iterations=relaxed.iterations + found.iterations)
+    if not (found.is_converged and found.is_stable):
+        return cold(task, mesh=system.mesh, spent=found.iterations)
+    levels = [Solution.of(task, system, found)]
+    for _ in range(2 if task.extrapolate and task.problem.contacts is None else 1):
+        coarser = _coarser(task, levels[0])
+        if coarser is None:
+            break
+        levels.insert(0, coarser)
+    reading, price = judged(task, levels, found.iterations)
+    return rod_shape(task, levels[-1], reading, sentence, price)
+
+
+def _coarser(task: Task, fine: Solution) -> Solution | None:
+    """The same shape on every second node, for the estimate; None if that does not converge."""
+    mesh: Mesh = halved(fine.system.mesh)
+    if len(mesh.s) == len(fine.system.mesh.s):
+        return None
+    system = task.system(mesh)
+    begin = transfer(task.path, system, fine.system, fine.found.state)
+    near = Settled(*task.path.settle(system.rod, begin, NEAR))
+    return Solution.of(task, system, near) if near.is_converged else None

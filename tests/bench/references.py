@@ -1,0 +1,75 @@
+"""Shapes that the programs are compared with, by `scipy.integrate.solve_bvp` to about 1e-12 of the length, and the catenary.
+
+Of two hundred motions every twentieth has a reference; coarse shapes lead from one to the next. The spatial rod starts as the planar
+one, whose far clamp is then turned to its yaw and its twist: this tells its branch, since clamps turned by +180 and -180 degrees are
+one pose. All four sequences take 3.5 s together; `shape_server` certified their shapes stable.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from boundary_value import Plane, Solved, Space, collocate
+from problems import LEVEL, MOTIONS, Hanging, Motions, Rod, far_frame
+from scipy.optimize import brentq
+
+EVERY = 20  # motions
+STRIDE = 5  # motions from one coarse shape to the next
+COARSE = 1e-3  # relative residual of solve_bvp
+FINE = 1e-8  # at 1e-9 instead, nodes move by 1.5e-12 of the length
+MESH = np.linspace(0.0, 1.0, 101)
+TURNS = 12  # in which the spatial rod's far clamp is turned
+SAG = 1.37  # rad, largest slope of a level cable of this span, to start from: J_0(1.37) = 0.58
+
+
+def references(motions: Motions) -> dict[int, Solved]:
+    """References by number of the motion; 0 is where the motions start, and where the last one ends."""
+    shape = _start(motions)
+    found = {0: _after(motions, 0, shape, FINE)}
+    for motion in range(STRIDE, MOTIONS + 1, STRIDE):
+        shape = _after(motions, motion, shape, COARSE)
+        if motion % EVERY == 0:
+            found[motion] = _after(motions, motion, shape, FINE)
+    return found
+
+
+def catenary(hanging: Hanging) -> np.ndarray:
+    """(nodes, 3) [m] The cable that hangs as z = a cosh(x / a), with sinh(b) / b = length / span and a = span / 2 b."""
+    b = brentq(lambda b: np.sinh(b) / b - hanging.length / hanging.span, 1e-3, 20.0, xtol=1e-15)
+    a, s = hanging.span / (2 * b), hanging.s() - hanging.length / 2
+    x = a * np.arcsinh(s / a) + hanging.span / 2
+    return np.column_stack([x, np.zeros_like(s), np.hypot(a, s) - np.hypot(a, hanging.length / 2)])
+
+
+def _after(motions: Motions, motion: int, before: Solved, tolerance: float) -> Solved:
+    """The shape after a motion, from one close by."""
+    kind = Plane if motions.is_planar else Space
+    problem = kind.of(motions.rod, motions.position[motion], motions.quaternion[motion])
+    found = collocate(problem, MESH, before.found.sol(MESH), before.found.p, tolerance, nodes_max=20_000)
+    assert found.success, f"motion {motion} of {motions.name} to {tolerance:g}: {found.message}"
+    return Solved(found, motions.rod)
+
+
+def _start(motions: Motions) -> Solved:
+    """The coarse shape where the motions start."""
+    rod, position = motions.rod, motions.position[0]
+    slope = -SAG * np.sin(2 * np.pi * MESH)
+    x, z = (np.append(0.0, np.cumsum((f[1:] + f[:-1]) / 2 * np.diff(MESH))) for f in (np.cos(slope), np.sin(slope)))
+    problem = Plane.of(rod, position, np.array([LEVEL.as_quat()] * 2))
+    states = np.array([x, z, slope, np.gradient(slope, MESH)])
+    level = Solved(collocate(problem, MESH, states, np.array([0.0, -problem.load / 2]), COARSE, nodes_max=2000), rod)
+    assert level.found.success, level.found.message
+    return level if motions.is_planar else _turned(rod, position, level)
+
+
+def _turned(rod: Rod, position: np.ndarray, level: Solved) -> Solved:
+    """The level rod with its far clamp turned to the yaw and the twist of the spatial rod."""
+    x, z, _, curvature = level.found.sol(MESH)
+    none = np.zeros_like(MESH)
+    states = np.vstack([x, none, z, level.frames(MESH * rod.length).T, none, -curvature, none])
+    force = np.array([level.found.p[0], 0.0, level.found.p[1]])
+    for part in np.linspace(0.0, 1.0, TURNS + 1):
+        problem = Space.of(rod, position, np.array([LEVEL.as_quat(), far_frame(part).as_quat()]))
+        found = collocate(problem, MESH, states, force, COARSE, nodes_max=5000)
+        assert found.success, found.message
+        states, force = found.sol(MESH), found.p
+    return Solved(found, rod)
