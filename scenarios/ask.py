@@ -15,28 +15,29 @@ from protocol.messages import Error, Shape, ShapeReply
 from .children import REFUSED, command, environment, refusal, signal_name
 from .posture import Posture
 
-LIMIT: Final = 300.0  # s for one shape, with every kernel compiled for the first time
+LIMIT: Final = 300.0  # s for one shape beyond its budget, with every kernel compiled for the first time
 
 
 def ask(posture: Posture) -> Shape:
     """The shape of a cable in a posture; its outcome says whether it is one.
 
     Raises:
-        PeerLostError: If the shape server dies or takes more than `LIMIT` seconds.
+        PeerLostError: If the shape server dies or takes `LIMIT` seconds more than the posture's budget.
         CablecosimError: If it refuses the request.
     """
+    limit = LIMIT + (posture.budget or 0.0)
     try:
         done = subprocess.run(
             command("shape_server", ("--posture", "-")),
             input=encode(posture.request()),
             capture_output=True,
-            timeout=LIMIT,
+            timeout=limit,
             env=environment(),
             check=False,
         )
     except subprocess.TimeoutExpired as error:
         raise PeerLostError(
-            f"shape_server took more than {LIMIT:g} s for one shape; ask for a larger tolerance", key="shape_server"
+            f"shape_server took more than {limit:g} s for one shape; ask for a larger tolerance", key="shape_server"
         ) from error
     words = "\n".join(done.stderr.decode(errors="replace").rstrip().splitlines()[-8:])
     if done.returncode == REFUSED and words:
@@ -66,6 +67,8 @@ def _plain(value: Any) -> Any:
         return value.value
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
     if hasattr(value, "__struct_fields__"):
         return {name: _plain(getattr(value, name)) for name in value.__struct_fields__}
     return value

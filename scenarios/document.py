@@ -6,7 +6,6 @@ key, value, and what would be right.
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 import tomllib
@@ -22,6 +21,7 @@ from protocol.kinds import Friction
 from .lines import Path, lines_of, nearest_line, written
 from .override import override
 from .quantity import WORDS, Mistake, fields_of, plain, to_si, unit_of
+from .spelling import meant
 
 T = TypeVar("T")
 
@@ -29,6 +29,8 @@ MISSPELT: Final = "unknown key; did you mean"
 
 NOT_BUILT: Final = {Friction: "'regularized', 'signum' and 'defined' of the paper are not built yet"}
 """What to add where a kind is unknown, so that a reader of the paper knows."""
+
+_PLURAL: Final = {float: "numbers", str: "texts in quotes", int: "whole numbers"}
 
 
 class Document:
@@ -171,8 +173,8 @@ def _item(whole: Any, kind: Any) -> Any:
 
 def _unknown_key(key: str, kind: Any) -> str:
     names = list(fields_of(kind)) if isinstance(kind, type) and is_dataclass(kind) else []
-    close = difflib.get_close_matches(key, names, 1)
-    return f"{MISSPELT} '{close[0]}'?" if close else f"unknown key; there are {', '.join(names)}"
+    close = meant(key, names)
+    return f"{MISSPELT} '{close}'?" if close else f"unknown key; there are {', '.join(names)}"
 
 
 def _unknown_member(given: Any, kind: Any) -> str:
@@ -185,7 +187,7 @@ def _is_not(hint: Any) -> str:
     unit, kind = unit_of(hint), plain(hint)
     if unit and kind is float:
         return f"is not {WORDS.get(unit, (f'a quantity in {unit}',))[0]}"
-    words = {float: "is not a number", str: "is not a text", int: "is not a whole number"}
+    words = {float: "is not a number", str: "is not a text", int: "is not a whole number", bool: "is neither true nor false"}
     if isinstance(kind, type) and is_dataclass(kind):
         return "is not a table"
     return words.get(kind, "is not a list" if get_origin(kind) is tuple else "is not right here")
@@ -200,12 +202,13 @@ def _expected(hint: Any) -> str:
         return f"give {len(get_args(kind))} numbers" + (f" in {unit}" if unit else "")
     if get_origin(kind) is tuple:
         inner = plain(get_args(kind)[0])
-        return f"give a list of {'tables with ' + _keys(inner) if is_dataclass(inner) else 'texts in quotes'}"
+        return f"give a list of {'tables with ' + _keys(inner) if is_dataclass(inner) else _PLURAL.get(inner, 'values')}"
     if isinstance(kind, type) and is_dataclass(kind):
         return f"give a table with {_keys(kind)}"
     if isinstance(kind, type) and issubclass(kind, Enum):
         return f"give one of {', '.join(repr(member.value) for member in kind)}"
-    return {float: "give a number", str: "give a text in quotes"}.get(kind, "see the documentation")
+    words = {float: "give a number", str: "give a text in quotes", int: "give a whole number", bool: "give true or false"}
+    return words.get(kind, "see the documentation")
 
 
 def _keys(kind: Any) -> str:

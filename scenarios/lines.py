@@ -36,6 +36,12 @@ def written(path: Path) -> str:
     return text.removeprefix(".")
 
 
+def key_path(key: str) -> Path:
+    """The path that a written key such as cables[0].bending stands for."""
+    parts = key.replace("[", ".").replace("]", "").split(".")
+    return tuple(int(part) if part.isdecimal() else part for part in parts if part)
+
+
 class _Scanner:
     """Walks once through the text; `at` is the offset of the next character."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -15,7 +14,9 @@ from protocol.scene import Body, Robot, Scene, check_scene
 
 from .document import Document, read_text
 from .lines import Path as KeyPath
+from .lines import key_path
 from .quantity import Mistake
+from .spelling import meant
 
 GENERATED: Final = ("dashboard", "beam")  # bodies that env_server can generate
 ROBOTS: Final = ("dual_panda",)  # robots that env_server can build
@@ -69,8 +70,8 @@ def _open(name_or_path: str) -> tuple[str, str, Path]:
         return file.name, file.read_text(encoding="utf-8"), Path(str(file)).parent
     path = Path(name_or_path)
     if not (path.suffix == ".toml" or path.exists() or path.parent != Path()):
-        close = difflib.get_close_matches(name_or_path, built_in(), 1)
-        choice = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(repr(name) for name in built_in())},"
+        close = meant(name_or_path, built_in())
+        choice = f"did you mean '{close}'?" if close else f"there are {', '.join(repr(name) for name in built_in())},"
         raise SceneError(f"scene '{name_or_path}' unknown; {choice} or give the path of a .toml file", key=name_or_path)
     return name_or_path, read_text(path), path.resolve().parent
 
@@ -81,12 +82,6 @@ def _relations(scene: Scene) -> Iterator[Mistake]:
         check_scene(scene)
     except SceneError as error:
         yield Mistake(key_path(error.key), str(error).removeprefix(error.key).removeprefix(": "))
-
-
-def key_path(key: str) -> KeyPath:
-    """The path that a written key such as cables[0].bending stands for."""
-    parts = key.replace("[", ".").replace("]", "").split(".")
-    return tuple(int(part) if part.isdecimal() else part for part in parts if part)
 
 
 def _files(scene: Scene, folder: Path) -> Iterator[Mistake]:

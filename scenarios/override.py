@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Sequence
 from typing import Any
 
 from .lines import Path, written
 from .quantity import Mistake
+from .spelling import meant
 
 
 def override(data: dict[str, Any], settings: Sequence[str]) -> tuple[set[Path], list[Mistake]]:
@@ -52,7 +52,7 @@ def _place(data: dict[str, Any], key: str) -> tuple[Any, Path] | str:
         if isinstance(here, dict) and part not in here and not last and isinstance(here.get(_plural(part)), list):
             items = here[_plural(part)]
             if len(items) != 1:
-                one = f"{_plural(part)}.{_names(items)[0]}.{'.'.join(parts[number + 1 :])}" if items else ""
+                one = ".".join([*parts[:number], _plural(part), *_names(items)[:1], *parts[number + 1 :]])
                 return f"{key}: there are {len(items)} {_plural(part)}; say which, such as {one}" if items else f"{key}: there is no {part}"
             here, path = items[0], (*path, _plural(part), 0)
         elif isinstance(here, list):
@@ -76,7 +76,7 @@ def _place(data: dict[str, Any], key: str) -> tuple[Any, Path] | str:
 
 
 def _plural(word: str) -> str:
-    return f"{word[:-1]}ies" if word.endswith("y") else f"{word}s"
+    return f"{word[:-1]}ies" if word.endswith("y") else f"{word}es" if word.endswith("s") else f"{word}s"
 
 
 def _names(items: list[Any]) -> list[str]:
@@ -90,8 +90,8 @@ def _index(items: list[Any], part: str) -> int | None:
 
 
 def _close(part: str, keys: list[str]) -> str:
-    close = difflib.get_close_matches(part, [*keys, *(key.removesuffix("s") for key in keys)], 1)
-    return f"; did you mean '{close[0]}'?" if close else f"; there are {', '.join(repr(key) for key in keys)}"
+    close = meant(part, [*keys, *(key.removesuffix("s") for key in keys)])
+    return f"; did you mean '{close}'?" if close else f"; there are {', '.join(repr(key) for key in keys)}"
 
 
 def _first_key(table: Any) -> str:

@@ -1,13 +1,31 @@
-"""One static posture: a cable, where it is held, and what it touches; the quickest way to ask what shape a cable takes.
+"""One static posture: a cable, where it is held, what pulls at it and what it touches; the quickest way to ask for a shape.
 
-    title = "a wire between two clamps"
-    cable = {name = "wire", length = 1.0, diameter = 0.006, mass_per_length = 0.0174, bending = 1.2e-4, twist = 1.0e-4}
-    grasps = [{at = 0, position = [0, 0, 0], tangent = [1, 0, 0]}, {at = 1, position = [0.6, 0, 0], tangent = [1, 0, 0]}]
+    title = "a wire between two clamps, with a connector on it, pulled aside"
+    margin = true                     # ask for the stability margin too
+    [cable]
+    name = "wire"
+    length = 1.0
+    diameter = "6 mm"
+    mass_per_length = "17.4 g/m"
+    bending = 1.2e-4                  # N m^2
+    twist = 1.0e-4
+    stretch = "12 kN"
+    sections = [{start = 0.2, end = 0.4, bending = 5e-4}]     # taped there
+    masses = [{at = 0.5, mass = "8 g"}]
+    [[grasps]]
+    at = 0
+    position = [0, 0, 0]
+    tangent = [1, 0, 0]
+    [[grasps]]
+    at = 1
+    position = [0.6, 0, 0]
+    tangent = [1, 0, 0]
+    [[loads]]
+    at = 0.5
+    force = [0, "0.1 N", 0]           # in the world frame
 
-Roll. A tangent leaves open how the cable is turned about itself. The frame of the first grasp has its first director as
-far up as it can be (along x where the tangent is vertical). Every next grasp has the frame before it, turned by the
-smallest rotation that takes the one tangent to the other; for tangents that are opposite, in the plane of the tangent and the
-chord. So a planar posture without `roll` is free of twist. `roll` then turns the frame about its tangent, right-handed.
+How a tangent and a roll become a frame stands in `held_points`. A budget, such as "2 ms", asks for the best shape within that time in
+place of the tolerance: what is answered then depends on the machine.
 """
 
 from __future__ import annotations
@@ -17,32 +35,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from annotated_types import Ge, Le, MinLen
 
-from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold
-from protocol.scene import STRICT, Cable, Metres, Positive, Quaternion, Unit, Vector
+from protocol.cable import cable_mistakes
+from protocol.errors import MessageError
+from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold, Model
+from protocol.scene import STRICT, Cable, Metres, Positive, Unit, Vector
 
-from . import frames
 from .document import Document, read_text
+from .held_points import HeldPoint, grasps_of
+from .lines import key_path
 from .quantity import Mistake
 
 if TYPE_CHECKING:
-    from protocol.messages import Contacts, Grasps, ShapeRequest
+    from protocol.messages import Contacts, PointLoads, ShapeRequest
 
-
-@dataclass(frozen=True)
-class HeldPoint:
-    """A point of the cable that is held: its place, and its frame by a tangent and a roll, or by a quaternion."""
-
-    __pydantic_config__: ClassVar = STRICT
-    at: Annotated[float, Ge(0), Unit("m")]  # arc length
-    position: Metres
-    tangent: Vector | None = None  # direction of growing arc length
-    roll: Annotated[float, Unit("rad")] = 0.0  # about the tangent
-    quaternion: Quaternion | None = None  # of the cable's frame; d3 is the tangent
-    hold: Hold = Hold.CLAMP
+BUDGET_MAX: Final = 3600.0  # s; one who waits longer for one shape has mistaken the unit
 
 
 @dataclass(frozen=True)
@@ -61,6 +71,15 @@ class PointContact:
 
 
 @dataclass(frozen=True)
+class PointLoad:
+    """A force on one place of the cable; it does not turn with it."""
+
+    __pydantic_config__: ClassVar = STRICT
+    at: Annotated[float, Ge(0), Unit("m")]  # arc length
+    force: Annotated[Vector, Unit("N")]  # in the world frame
+
+
+@dataclass(frozen=True)
 class Posture:
     """Everything that one static shape depends on."""
 
@@ -69,15 +88,42 @@ class Posture:
     cable: Cable
     grasps: Annotated[tuple[HeldPoint, ...], MinLen(1)]
     contacts: tuple[PointContact, ...] = ()
+    loads: tuple[PointLoad, ...] = ()
     gravity: Annotated[Vector, Unit("m/s^2")] = (0.0, 0.0, -9.81)
     tolerance: Annotated[Positive, Le(1e3), Unit("m")] = 1e-3
+    budget: Annotated[Positive, Le(BUDGET_MAX), Unit("s")] | None = None  # in place of the tolerance
+    model: Model = Model.AUTO
+    turns: tuple[int, ...] = ()  # whole turns more than the least, from each clamp or guide to the next
+    branch: int = 0  # 0: the shape found first; k: the k-th by energy of all stable ones found
+    margin: bool = False  # whether the stability margin is wanted too
 
     def request(self) -> ShapeRequest:
-        """The question to the shape server; its grasps are in the order of growing arc length."""
+        """The question to the shape server; its grasps are in the order of growing arc length.
+
+        Raises:
+            MessageError: If the numbers do not go together; names the field.
+        """
         from protocol.messages import Problem, ShapeRequest
 
-        problem = Problem(cable=self.cable, grasps=_grasps(self.grasps), contacts=_contacts(self.contacts, 0.5 * self.cable.diameter))
-        return ShapeRequest(session="posture", step=0, round=0, gravity=self.gravity, tolerance=self.tolerance, problems=(problem,))
+        problem = Problem(
+            cable=self.cable,
+            grasps=grasps_of(self.grasps),
+            contacts=_contacts(self.contacts, 0.5 * self.cable.diameter),
+            loads=_loads(self.loads),
+            model=self.model,
+            turns=self.turns,
+            branch=self.branch,
+        )
+        return ShapeRequest(
+            session="posture",
+            step=0,
+            round=0,
+            gravity=self.gravity,
+            tolerance=self.tolerance,
+            problems=(problem,),
+            budget=self.budget,
+            margin=self.margin,
+        )
 
 
 def load_posture(path: str | Path, overrides: Sequence[str] = ()) -> Posture:
@@ -90,15 +136,23 @@ def load_posture(path: str | Path, overrides: Sequence[str] = ()) -> Posture:
 
 
 def _mistakes(posture: Posture) -> Iterator[Mistake]:
-    cable = posture.cable
+    """All that is wrong once the types are right; what only the request finds comes when there is nothing else."""
+    found = [*_of_cable(posture.cable), *_of_places(posture), *_too_far_apart(posture)]
+    yield from found or _of_request(posture)
+
+
+def _of_cable(cable: Cable) -> Iterator[Mistake]:
     if cable.diameter >= cable.length:
         text = f"{cable.diameter:g} m must be smaller than the cable's length, {cable.length:g} m"
         yield Mistake(("cable", "diameter"), text)
-    if (cable.bending is None) != (cable.twist is None):
-        missing = "twist" if cable.twist is None else "bending"
-        yield Mistake(("cable", missing), "missing; a cable has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)")
+    for key, sentence in cable_mistakes(cable):
+        yield Mistake(("cable", *key_path(key)), sentence.removeprefix(f"{key}: "))
+
+
+def _of_places(posture: Posture) -> Iterator[Mistake]:
+    """Places beyond the cable, and directions that are none."""
     for index, grasp in enumerate(posture.grasps):
-        yield from _beyond(("grasps", index, "at"), grasp.at, cable)
+        yield from _beyond(("grasps", index, "at"), grasp.at, posture.cable)
         if (grasp.tangent is None) == (grasp.quaternion is None):
             yield Mistake(("grasps", index), "needs either 'tangent' or 'quaternion', one of the two")
         if grasp.quaternion is not None and grasp.roll:
@@ -106,22 +160,33 @@ def _mistakes(posture: Posture) -> Iterator[Mistake]:
         for name in ("tangent", "quaternion"):
             yield from _no_direction(("grasps", index, name), getattr(grasp, name))
     for index, contact in enumerate(posture.contacts):
-        yield from _beyond(("contacts", index, "at"), contact.at, cable)
+        yield from _beyond(("contacts", index, "at"), contact.at, posture.cable)
         yield from _no_direction(("contacts", index, "normal"), contact.normal)
-    yield from _too_far_apart(posture)
+    for index, load in enumerate(posture.loads):
+        yield from _beyond(("loads", index, "at"), load.at, posture.cable)
 
 
 def _too_far_apart(posture: Posture) -> Iterator[Mistake]:
+    """Held points that are one, or that the cable between them cannot reach; one that stretches or slides in a guide may."""
     held = sorted(range(len(posture.grasps)), key=lambda index: posture.grasps[index].at)
     for first, second in pairwise(held):
         one, two = posture.grasps[first], posture.grasps[second]
         span, chord = two.at - one.at, math.dist(one.position, two.position)
+        reaches_further = posture.cable.stretch is not None or Hold.GUIDE in (one.hold, two.hold)
         if span < 1e-6 * posture.cable.length:
             text = f"{two.at:g} m is where grasps[{first}] holds the cable already; hold it at two places"
             yield Mistake(("grasps", second, "at"), text)
-        elif chord > span:
+        elif chord > span and not reaches_further:
             text = f"is {chord:.4g} m from grasps[{first}], with {span:.4g} m of cable between them; bring it within {span:.4g} m"
             yield Mistake(("grasps", second, "position"), text)
+
+
+def _of_request(posture: Posture) -> Iterator[Mistake]:
+    """What the request refuses; its fields are named as those of the posture are."""
+    try:
+        posture.request()
+    except MessageError as error:
+        yield Mistake(key_path(error.key), str(error).removeprefix(f"{error.key}: "))
 
 
 def _beyond(path: tuple[str | int, ...], at: float, cable: Cable) -> Iterator[Mistake]:
@@ -157,35 +222,11 @@ def _contacts(points: tuple[PointContact, ...], radius: float) -> Contacts | Non
     )
 
 
-def _grasps(points: tuple[HeldPoint, ...]) -> Grasps:
+def _loads(loads: tuple[PointLoad, ...]) -> PointLoads | None:
     import numpy as np
 
-    from protocol.messages import Grasps
+    from protocol.messages import PointLoads
 
-    ordered = sorted(points, key=lambda point: point.at)
-    return Grasps(
-        s=np.array([point.at for point in ordered]),
-        position=np.array([point.position for point in ordered]),
-        quaternion=np.array(_frames(ordered)),
-        hold=tuple(point.hold for point in ordered),
-    )
-
-
-def _frames(points: list[HeldPoint]) -> list[Quaternion]:
-    """Frames of held points in the order of growing arc length, by the rule at the top of this file."""
-    found: list[Quaternion] = []
-    frame: Quaternion | None = None  # of the point before, without its roll
-    for index, point in enumerate(points):
-        if point.tangent is None:
-            assert point.quaternion is not None  # `_mistakes` has seen to it
-            frame = frames.normal(point.quaternion)
-            found.append(frame)
-            continue
-        if frame is None:
-            frame = frames.upright(point.tangent)
-        else:
-            here, before = point.position, points[index - 1].position
-            chord = (here[0] - before[0], here[1] - before[1], here[2] - before[2])
-            frame = frames.carried(frame, point.tangent, chord)
-        found.append(frames.multiply(frames.about(frames.unit(point.tangent), point.roll), frame))
-    return found
+    if not loads:
+        return None
+    return PointLoads(s=np.array([load.at for load in loads]), force=np.array([load.force for load in loads]))

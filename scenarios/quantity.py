@@ -25,10 +25,13 @@ WORDS: Final = {
     "s": ("a time", "20 ms"),
     "m/s^2": ("an acceleration", "-9.81 m/s^2"),
     "rad": ("an angle", "90 deg"),
+    "N": ("a force", "12 kN"),
+    "kg": ("a mass", "8 g"),
+    "1/m": ("a curvature", "0.5 1/m"),
 }
 """What a number in each unit is called, and an example of it as a string."""
 
-_QUANTITY: Final = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>[^\W\d][\w ²³·*/^().-]*)")
+_QUANTITY: Final = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>(?:(?:1\s*)?/\s*)?[^\W\d][\w ²³·*/^().-]*)")
 _LIMITED: Final = ("m", "m/s^2")  # the messages carry positions and gravity below EXTENT_MAX only
 
 
@@ -123,7 +126,8 @@ def _convert(text: str, unit: str) -> float | str:
     if match is None:
         return sentence
     try:
-        return float(_registry().Quantity(float(match["number"]), match["unit"]).to(unit).magnitude)
+        units = f"1{match['unit']}" if match["unit"].startswith("/") else match["unit"]  # "2 /m" is "2 1/m"
+        return float(_registry().Quantity(float(match["number"]), units).to(unit).magnitude)
     except (pint.PintError, ValueError, TypeError, ArithmeticError, SyntaxError, AttributeError, AssertionError, TokenError):
         # pint's parser lets through what Python's tokenizer and arithmetic raise on a text that is no unit
         return sentence

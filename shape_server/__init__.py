@@ -3,4 +3,6 @@
 from __future__ import annotations
 
 from .follower import Follower as Follower
+from .sensitivity import Sensitivities as Sensitivities
+from .sensitivity import sensitivities as sensitivities
 from .solve import solve as solve

@@ -10,10 +10,8 @@ import numpy as np
 
 from protocol.kinds import Outcome
 from protocol.messages import Cost, Problem, Shape
-from protocol.scene import Vector
 
 from . import numpy_path
-from .hanging import solve_hanging
 from .reading import Reading, contact_places
 from .task import Solution, Task
 
@@ -73,45 +71,13 @@ def _known(error: float) -> float | None:
 
 
 def _steps_to_fold(before: float | None, now: float | None) -> float | None:
-    """Steps like the last one until the margin is zero: near a fold its square falls linearly (a square-root singularity)."""
+    """Steps like the last one until the margin is zero: near a fold its square falls linearly (a square-root singularity).
+
+    At a bifurcation the margin itself does, and the shape goes on for up to twice as many steps as this says.
+    """
     if before is None or now is None or not before > now > 0.0:
         return None
     return now**2 / (before**2 - now**2)
-
-
-def catenary_shape(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
-    """The answer for a cable without bending, whose solution was begun at the time `begun` [s]."""
-    hanging = solve_hanging(problem, gravity, tolerance)
-    if hanging.outcome is not Outcome.CONVERGED:
-        return no_shape(problem, used, hanging.outcome, hanging.sentence, "catenary", time.perf_counter() - begun)
-    wrenches = np.zeros((len(problem.grasps.s), 6))
-    wrenches[:, :3] = hanging.grasp_forces
-    return Shape(
-        s=hanging.mesh.s,
-        nodes=hanging.nodes,
-        frames=hanging.frames,
-        tension=hanging.tension,
-        curvature=hanging.curvature,
-        grasp_wrenches=wrenches,
-        contact_forces=hanging.contact_forces,
-        contact_s=problem.contacts.s if problem.contacts is not None else np.zeros(0),
-        outcome=Outcome.CONVERGED,
-        sentence=hanging.sentence,
-        model="catenary",
-        effects=used,
-        left_out={},
-        error=hanging.sag,
-        error_tension=0.0,
-        error_curvature=0.0,
-        residual=0.0,
-        iterations=0,
-        energy=hanging.energy,
-        total_twist=0.0,
-        is_stable=True,
-        margin=None,
-        fold=None,
-        cost=Cost(solve=time.perf_counter() - begun, estimate=0.0, certify=0.0, factorisations=0, path="closed form"),
-    )
 
 
 def no_shape(

@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from protocol.kinds import FRICTION_CODES, Friction, Outcome
+from protocol.kinds import FRICTION_CODES, Friction, Hold, Outcome
 from protocol.messages import Problem
 from protocol.scene import Vector
 
-from .catenary import Piece, hang
+from .catenary import Piece, hang, hang_elastic
 from .mesh import Mesh, even, from_nodes, stops
 from .numpy_path import frames_along
 
@@ -49,8 +49,8 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
     if contacts is not None and (contacts.friction != FRICTION_CODES.index(Friction.BOND)).any():
         sentence = "a cable without bending meets only bonded contacts; give the cable 'bending' and 'twist' for frictionless ones"
         return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
-    if not np.linalg.norm(load) > 0:
-        sentence = "a cable without bending and without weight has no definite shape; give it a mass per length and gravity, or bending"
+    sentence = not_built(problem, float(np.linalg.norm(load)))
+    if sentence:
         return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
     kept = _separate(problem)
     while True:
@@ -61,6 +61,19 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
         if push.min() >= 0.0:
             return hanging
         kept = np.delete(kept, int(np.argmin(push)))
+
+
+def not_built(problem: Problem, weight: float) -> str:
+    """What the catenary does not know of in a problem, as a sentence; empty if it covers it."""
+    cable = problem.cable
+    if not weight > 0.0:
+        return "a cable without bending and without weight has no definite shape; give it a mass per length and gravity, or bending"
+    for name, asked in (("sections", cable.sections), ("masses", cable.masses), ("loads", problem.loads is not None)):
+        if asked:
+            return f"a catenary is not built for '{name}'; give the cable 'bending' and 'twist', however small, and it is solved as a rod"
+    if any(hold is Hold.GUIDE for hold in problem.grasps.hold):
+        return "a catenary is not built for guides; give the cable 'bending' and 'twist', however small, and it is solved as a rod"
+    return ""
 
 
 def _separate(problem: Problem) -> np.ndarray:
@@ -84,7 +97,7 @@ def _with_bonds(problem: Problem, load: np.ndarray, tolerance: float, kept: np.n
     order = np.argsort(s, kind="stable")
     for first, last in pairwise(order):
         span, chord = s[last] - s[first], float(np.linalg.norm(points[last] - points[first]))
-        if chord > span * (1 + 1e-12):
+        if chord > span * (1 + 1e-12) and problem.cable.stretch is None:
             sentence = (
                 f"the points held at s = {s[first]:.4g} m and {s[last]:.4g} m are {chord:.6g} m apart, "
                 f"further than the {span:.6g} m of cable between them"
@@ -117,13 +130,16 @@ def _pieces(
     first, last = order[0], order[-1]
     for end, tail in ((first, mesh.s <= s[first]), (last, mesh.s >= s[last])):
         below = np.abs(mesh.s[tail] - s[end])
-        nodes[tail] = points[end] + np.outer(below, load / np.linalg.norm(load))
         length = float(below.max())
+        down = below if problem.cable.stretch is None else below + (below * length - 0.5 * below**2) * np.linalg.norm(load) / problem.cable.stretch
+        nodes[tail] = points[end] + np.outer(down, load / np.linalg.norm(load))
         tension[tail] = np.linalg.norm(load) * (length - below)
         forces[end] -= length * load
     for first, last in pairwise(order):
         inside = (mesh.s >= s[first]) & (mesh.s <= s[last])
-        piece: Piece = hang(points[first], points[last], float(s[last] - s[first]), load, mesh.s[inside] - s[first])
+        ends = (points[first], points[last], float(s[last] - s[first]), load)
+        own, stretch = mesh.s[inside] - s[first], problem.cable.stretch
+        piece: Piece = hang(*ends, own) if stretch is None else hang_elastic(*ends, stretch, own)
         nodes[inside], tension[inside], curvature[inside] = piece.nodes, piece.tension, piece.curvature
         forces[first] += piece.start_force
         forces[last] += piece.end_force

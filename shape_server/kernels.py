@@ -27,6 +27,8 @@ from .newton import unbalanced as unbalanced
 from .rod import energy as energy
 from .rod import look as look
 from .rod import node_forces as node_forces
+from .section_forces import section_forces as section_forces
+from .section_forces import twist_of as twist_of
 from .symmetric import solve_symmetric as solve_symmetric
 from .vertices import assemble as assemble
 from .vertices import elastic_energy as elastic_energy

@@ -27,8 +27,9 @@ class Mesh:
 
     def locate(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Segment (m,) and fraction along it (m,) of points at arc length s (m,) [m]."""
-        segment = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.lengths) - 1)
-        return segment, np.clip((s - self.s[segment]) / self.lengths[segment], 0.0, 1.0)
+        # Minimum and maximum: np.clip costs 20 us more on arrays this short.
+        segment = np.minimum(np.maximum(np.searchsorted(self.s, s, side="right") - 1, 0), len(self.lengths) - 1)
+        return segment, np.minimum(np.maximum((s - self.s[segment]) / self.lengths[segment], 0.0), 1.0)
 
     def shared(self, s: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Forces (m, 3) [N] at arc lengths s (m,) [m], shared by the two nodes of their segments: (n, 3)."""

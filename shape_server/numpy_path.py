@@ -16,6 +16,7 @@ from . import kernels
 from .interpreted import interpreted
 from .rod import Elastic
 from .symmetric import FLOOR
+from .vertices import CLAMP, INNER, LEAST
 
 Array = np.ndarray
 
@@ -145,6 +146,7 @@ class Vertices(NamedTuple):
 
     relative: Array  # (v, 4) rotation from the frame before to the one after
     cells: Array  # (v,) m
+    kind: Array  # (v,) `vertices.INNER` or `CLAMP`
     law: Array  # (v, 3) N m^2
     strain: Array  # (v, 3) 1/m, curvature and twist less the natural ones
     after: Array  # (v, 4) frame
@@ -166,26 +168,29 @@ def vertices(frames: Array, lengths: Array, elastic: Elastic, clamp_of_node: Arr
     first = np.concatenate([inner - 1, left - 1, np.full(len(right), -1)])
     second = np.concatenate([inner, np.full(len(left), -1), right])
     rho = relative(before, after)
-    strain = 4 * rho[:, :3] / ((1 + rho[:, 3:]) * cells[:, None]) - bent
-    return Vertices(rho, cells, law, strain, after, first, second)
+    kind = np.where((first >= 0) & (second >= 0), INNER, CLAMP)
+    scale = (2 + 2 * kind) / (cells * np.maximum(kind + rho[:, 3], LEAST))
+    strain = scale[:, None] * rho[:, :3] - bent
+    return Vertices(rho, cells, kind, law, strain, after, first, second)
 
 
 def _vertex_terms(at: Vertices) -> tuple[Array, Array, Array, Array, Array]:
     """Gradients and Hessian blocks of every vertex, by the formulas of `vertices`, all vertices at once."""
     rho, cells, law = at.relative, at.cells, at.law
-    v, r0 = rho[:, :3], rho[:, 3]
-    inv = 1 / (1 + r0)
+    v, r0 = rho[:, :3], np.maximum(rho[:, 3], LEAST - at.kind)
+    inv, factor = 1 / (at.kind + r0), 2 + 2 * at.kind
     sigma = v * inv[:, None]
     moment = law * at.strain
     eye = np.eye(3)
-    b = 0.25 * (1 - np.einsum("ij,ij->i", sigma, sigma))[:, None, None] * eye + 0.5 * (_cross(sigma) + _outer(sigma, sigma))
+    b = 0.5 * ((r0 * inv)[:, None, None] * eye + _cross(sigma) + _outer(sigma, sigma))
     bt = np.swapaxes(b, 1, 2)
-    gb = 4 * np.einsum("ikj,ik->ij", b, moment)
-    ga = -4 * np.einsum("ijk,ik->ij", b, moment)
-    scale = (16 / cells)[:, None, None]
+    gb = factor[:, None] * np.einsum("ikj,ik->ij", b, moment)
+    ga = -factor[:, None] * np.einsum("ijk,ik->ij", b, moment)
+    scale = (factor**2 / cells)[:, None, None]
     kb, kbt = scale * law[:, :, None] * b, scale * law[:, :, None] * bt
-    gamma0 = -np.einsum("ij,ij->i", moment, sigma) * inv
-    gamma = moment * inv[:, None]
+    share = 0.25 * factor * inv
+    gamma0 = -np.einsum("ij,ij->i", moment, sigma) * share
+    gamma = moment * share[:, None]
     cv = np.einsum("ij,ij->i", gamma, v)
     spread = (gamma0 * r0 + cv)[:, None, None] * eye
     half = 0.5 * inv[:, None, None]
@@ -230,3 +235,4 @@ look, node_forces, energy = _plain["look"], _plain["node_forces"], _plain["energ
 interpolate_frames, smallest_stiffness = _plain["interpolate_frames"], _plain["smallest_stiffness"]
 frames_along, sagging_tangents, turn_onto = _plain["frames_along"], _plain["sagging_tangents"], _plain["turn_onto"]
 close, contact_geometry = _plain["close"], _plain["contact_geometry"]
+section_forces, twist_of = _plain["section_forces"], _plain["twist_of"]

@@ -134,7 +134,7 @@ def _cable(cable: Cable, first: float, last: float) -> Cable:
 def _loads(loads: PointLoads | None, first: float, last: float, length: float) -> PointLoads | None:
     if loads is None:
         return None
-    inside = (loads.s > first) & (loads.s <= last) | (loads.s == first == 0.0)
+    inside = (loads.s > first) & (loads.s <= last) | ((loads.s == 0.0) & (first == 0.0))
     return PointLoads(s=loads.s[inside] - first, force=loads.force[inside]) if inside.any() else None
 
 

@@ -14,14 +14,14 @@ import numpy as np
 from protocol.kinds import Outcome
 from protocol.messages import Shape
 
-from . import hinges
+from . import branches, hinges
 from .answer import Price, no_shape, rod_shape
 from .balance import balanced
 from .cold import PULL, curve_frames
 from .descent import relax, settle_or_relax
 from .equilibrium import WHY, Settled
 from .mesh import LAYER_SHARE, Mesh, doubled, even, graded, halved, stops
-from .reading import Reading, twist_of
+from .reading import Reading
 from .richardson import FLOOR, RATIO_LEAST, RATIO_MOST, SAFETY, apart, combined, transfer
 from .rod import Rod, State
 from .system import System
@@ -31,6 +31,9 @@ COARSEST: Final = 24  # segments of the first mesh
 FINEST: Final = 12_000  # segments of the last one
 FINEST_TOUCHING: Final = 900  # with contacts, which every finer mesh multiplies
 ATTEMPTS: Final = 3  # at a first shape, each on twice as many segments: contacts may not fit into a coarse mesh
+GIVES: Final = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)  # shares of the compliance, on the way to the whole
+TURN_MOST: Final = 0.5  # rad between neighbouring segments
+PULLED: Final = 1e-6  # of the length; with less slack a cable that stretches starts straight
 SLIP: Final = 2.5  # rad of twist between the curve to start from and the shape; beyond, two in three were not the lowest
 SOFTER: Final = (1e3, 1e2, 1e1, 1.0)  # times the stiffness, on the way from a stiff cable to the one asked for
 
@@ -43,7 +46,14 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
     for attempt in range(ATTEMPTS if mesh is None else 1):
         coarsest = doubled(coarsest) if attempt else coarsest
         system = task.system(coarsest)
-        found = from_grasps(task, system)
+        if problem.branch:
+            known = branches.stable_shapes(task, system)
+            if len(known) < problem.branch:
+                sentence = f"branch {problem.branch} was asked for, and {len(known)} different stable shapes were found"
+                return no_shape(problem, task.used, Outcome.UNSUPPORTED, sentence, "rod", task.seconds, spent)
+            found = known[problem.branch - 1]
+        else:
+            found = from_grasps(task, system)
         spent += found.iterations
         if found.is_converged and found.is_stable:
             break
@@ -107,7 +117,7 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
     finer, coarser = combined(before, last), combined(levels[-3], before)
     loads = last.system.rod.loads
     finer = replace(finer, wrenches=balanced(task.problem, finer.nodes, loads, finer.wrenches, finer.contact_forces))
-    share = SAFETY / 15
+    share = SAFETY / 7  # as for third order, which uneven meshes and kinks can leave; for fourth it is twice too large
     return finer, Price(
         error=share * float(np.linalg.norm(finer.nodes[::2] - coarser.nodes, axis=1).max()) + floor,
         error_tension=share * _change(coarser.tension, finer.tension),
@@ -128,7 +138,14 @@ def _is_enough(task: Task, levels: list[Solution], price: Price) -> bool:
     finest = FINEST if task.problem.contacts is None else FINEST_TOUCHING
     if 2 * count > finest:
         return True
-    return task.budget is None and price.error <= task.tolerance
+    return task.budget is None and price.error <= task.tolerance and _turn_at_nodes(levels[-1]) <= TURN_MOST
+
+
+def _turn_at_nodes(solution: Solution) -> float:
+    """Largest bend at a node, or mean twist, [rad]: forces and moments are off by its square over 48."""
+    mesh, reading = solution.system.mesh, solution.reading
+    bend = float((reading.curvature[1:-1] * 0.5 * (mesh.lengths[1:] + mesh.lengths[:-1])).max(initial=0.0))
+    return max(bend, abs(reading.total_twist) / len(mesh.lengths))
 
 
 def _sentence(task: Task, price: Price, last: Solution) -> str:
@@ -182,7 +199,9 @@ def from_grasps(task: Task, system: System) -> Settled:
 
 
 def _hanging(task: Task, system: System, begin: State) -> Settled:
-    """Relax without stretch first; then let it stretch."""
+    """Relax without stretch first; then let it stretch. What is pulled beyond its length starts straight and pulled."""
+    if len(system.rod.give) and _is_pulled(task):
+        return _stretched(task, system, begin._replace(force=_pulls(task, system)))
     rigid = replace(system, rod=system.rod._replace(give=np.zeros(0)))
     found = _relaxed(task, rigid, begin)
     if not len(system.rod.give) or not found.is_converged:
@@ -191,19 +210,57 @@ def _hanging(task: Task, system: System, begin: State) -> Settled:
     return stretched._replace(iterations=stretched.iterations + found.iterations)
 
 
+def _stretched(task: Task, system: System, begin: State) -> Settled:
+    """Settle from a straight pulled start, by way of a cable that gives less if need be."""
+    spent = 0
+    for shares in ((1.0,), GIVES):
+        state = begin
+        for share in shares:
+            rod = system.rod._replace(give=share * system.rod.give)
+            found = Settled(*task.path.settle(rod, state, 0.0))
+            spent += found.iterations
+            if not found.is_converged:
+                break
+            state = State(*found.state)
+        if found.is_converged and found.is_stable:
+            break
+    return found._replace(iterations=spent)
+
+
+def _is_pulled(task: Task) -> bool:
+    """Whether held points are as far apart as the cable between them, or further."""
+    grasps = task.problem.grasps
+    chords = np.linalg.norm(np.diff(grasps.position, axis=0), axis=1)
+    return bool((chords > np.diff(grasps.s) * (1 - PULLED)).any())
+
+
+def _pulls(task: Task, system: System) -> np.ndarray:
+    """Forces of the rows (h,) [N] that pull every span straight to its chord, and a slack one with its weight."""
+    grasps, mesh, give = task.problem.grasps, system.mesh, system.rod.give
+    out = np.zeros((len(grasps.s), 3))
+    for k, (first, last) in enumerate(pairwise(mesh.grasp_nodes.tolist())):
+        chord = grasps.position[k + 1] - grasps.position[k]
+        size, span = float(np.linalg.norm(chord)), float(mesh.s[last] - mesh.s[first])
+        pull = max((size - span) / float(give[first:last].sum()), system.rod.weight) * chord / max(size, 1e-300)
+        out[k] -= pull
+        out[k + 1] += pull
+    rows = system.row_grasp
+    return np.einsum("ij,ij->i", system.rod.held.axis, out[rows]) * (rows >= 0)
+
+
 def _relaxed(task: Task, system: System, begin: State) -> Settled:
     """The first of several ways to a stable shape, or of all ways the lowest, if the first slips by whole turns of twist.
 
     A soft cable can shed or gain twist by looping over itself on the way, and rest there (by 4 pi, for frames at both ends).
     """
-    expected, spent = twist_of(system, begin), 0
+    expected, spent = _twist(task, system, begin), 0
     best: Settled | None = None
     for way in _ways(task, system):
         found = way(begin)
         spent += found.iterations
         if found.is_converged and found.is_stable:
             best = found if best is None or _energy(task, system, found) < _energy(task, system, best) else best
-            if abs(twist_of(system, State(*found.state)) - expected) < SLIP:
+            if abs(_twist(task, system, found.state) - expected) < SLIP:
                 break
     return (best if best is not None else found)._replace(iterations=spent)
 
@@ -244,6 +301,10 @@ def _by_stiffer_cables(task: Task, rod: Rod, state: State) -> Settled:
         spent += found.iterations
         state = State(*found.state)
     return found._replace(iterations=spent)
+
+
+def _twist(task: Task, system: System, state: State) -> float:
+    return float(task.path.twist_of(system.rod, state))
 
 
 def _energy(task: Task, system: System, found: Settled) -> float:

@@ -8,12 +8,12 @@ from types import ModuleType
 
 import numpy as np
 
-from protocol.kinds import Outcome
+from protocol.kinds import Hold, Model, Outcome
 from protocol.messages import Problem, Shape, ShapeRequest
 from protocol.scene import Vector
 
-from . import effects, numpy_path, pieces
-from .answer import catenary_shape, no_shape
+from . import effects, ladder, numpy_path, pieces
+from .answer import no_shape
 from .descent import Progress
 from .refine import cold
 from .task import Task
@@ -52,8 +52,16 @@ def solve(
     """
     used = effects.asked_for(problem, gravity)
     begun = time.perf_counter()
-    if "bending" not in used:
-        return catenary_shape(problem, gravity, tolerance, used, begun)
+    model = ladder.choose(problem, gravity, tolerance)
+    if model is Model.CATENARY:
+        return ladder.catenary_shape(problem, gravity, tolerance, used, begun)
+    if model is Model.TAUT:
+        return ladder.taut_shape(problem, gravity, used, begun)
+    if model is Model.GRADIENT:
+        return ladder.gradient_shape(problem, gravity, tolerance, used, begun)
+    sentence = _not_a_rod(problem)
+    if sentence:
+        return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "rod", time.perf_counter() - begun)
     sentence = _too_far(problem)
     if sentence:
         return no_shape(problem, used, Outcome.UNREACHABLE, sentence, "rod", time.perf_counter() - begun)
@@ -83,9 +91,22 @@ def _one_piece(task: Task) -> Shape:
     return cold(task) if task.problem.start is None else warm(task)
 
 
+def _not_a_rod(problem: Problem) -> str:
+    """What of a problem the rod does not know; empty if it knows it all."""
+    if problem.cable.bending is None:
+        return "a rod needs 'bending' and 'twist'; give them, or ask for the catenary"
+    if problem.branch and problem.contacts is not None:
+        return "branches are looked for without contacts only; leave out 'branch' or 'contacts'"
+    if problem.cable.micro_length is not None:
+        return "the rod is not built for 'micro_length'; ask for the gradient cable, or leave it out"
+    return ""
+
+
 def _too_far(problem: Problem) -> str:
-    """Why the held points cannot be reached; empty if they can."""
+    """Why the held points cannot be reached; empty if they can. A cable that stretches reaches everything."""
     grasps = problem.grasps
+    if problem.cable.stretch is not None or Hold.GUIDE in grasps.hold:
+        return ""
     chords = np.linalg.norm(np.diff(grasps.position, axis=0), axis=1)
     for k, (span, chord) in enumerate(zip(np.diff(grasps.s), chords, strict=True)):
         if chord > span * (1 - 1e-12):

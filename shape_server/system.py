@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from protocol.kinds import FRICTION_CODES, Friction, Hold
-from protocol.messages import Problem
-from protocol.scene import Vector
+from protocol.messages import PointLoads, Problem
+from protocol.scene import Cable, Vector
 
 from . import effects
 from .mesh import Mesh
@@ -46,25 +48,14 @@ class System:
 def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh) -> System:
     """The system of equations of a problem on a mesh: the sum of what the effects in use add."""
     grasps, cable = problem.grasps, problem.cable
-    files = [effects.load(name) for name in used]
-    loads, law, bent = np.zeros((len(mesh.s), 3)), np.zeros((len(mesh.lengths), 3)), np.zeros((len(mesh.lengths), 3))
-    give = np.zeros(0)
-    for effect in files:
-        if hasattr(effect, "node_loads"):
-            loads += effect.node_loads(problem, gravity, mesh)
-        if hasattr(effect, "stiffness"):
-            law += effect.stiffness(cable, mesh)
-        if hasattr(effect, "natural"):
-            bent += effect.natural(cable, mesh)
-        if hasattr(effect, "give"):
-            give = effect.give(cable, mesh)
+    given = None if problem.loads is None else (problem.loads.s.tobytes(), problem.loads.force.tobytes())
+    matter = _matter(cable, given, gravity, used, mesh.s.tobytes())
     framed = [k for k, hold in enumerate(grasps.hold) if hold is not Hold.HINGE]
     clamp_of_node = np.full(len(mesh.s), -1, dtype=np.int64)
     clamp_of_node[mesh.grasp_nodes[framed]] = np.arange(len(framed))
     base = next(k for k, hold in enumerate(grasps.hold) if hold is not Hold.GUIDE)
     held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
     touch, push, fraction = _touch(problem, used, mesh)
-    weight, stiffest = float(np.linalg.norm(loads.sum(axis=0))), float(law.max())
     shortest, kick = _spans(problem)
     rod = Rod(
         lengths=np.array(mesh.lengths),
@@ -72,19 +63,53 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh) 
         origin=np.array(grasps.position[base]),
         clamp_of_node=clamp_of_node,
         clamp_frames=np.array(grasps.quaternion[framed]).reshape(-1, 4),
-        elastic=elastic_of(law, bent, mesh.lengths),
-        loads=loads,
-        give=give,
+        elastic=matter.elastic,
+        loads=matter.loads,
+        give=matter.give,
         held=held,
         touch=touch,
         length=cable.length,
-        stiffest=stiffest,
-        weight=weight,
-        force_scale=weight + 10.0 * stiffest / cable.length**2,
+        stiffest=matter.stiffest,
+        weight=matter.weight,
+        force_scale=matter.weight + 10.0 * matter.stiffest / cable.length**2,
         shortest=shortest,
         kick=kick,
     )
     return System(mesh, rod, force, push, fraction, base, row_grasp, bond_contact)
+
+
+@dataclass(frozen=True)
+class Matter:
+    """What a cable is on one mesh, however it is held."""
+
+    elastic: Elastic
+    loads: np.ndarray  # (n, 3) N
+    give: np.ndarray  # (n-1,) m/N, or empty
+    stiffest: float  # N m^2
+    weight: float  # N
+
+
+@lru_cache(maxsize=64)
+def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, used: tuple[str, ...], s: bytes) -> Matter:
+    """The sum of what the effects in use add, kept for the next request about the same cable on the same nodes.
+
+    The result depends on the arguments alone, so that remembering it changes no answer; nothing writes to its arrays.
+    """
+    nodes = np.frombuffer(s)
+    mesh = Mesh(nodes, np.diff(nodes), np.zeros(0, dtype=np.int64))
+    point_loads = None if given is None else PointLoads(s=np.frombuffer(given[0]), force=np.frombuffer(given[1]).reshape(-1, 3))
+    loads, law, bent = np.zeros((len(mesh.s), 3)), np.zeros((len(mesh.lengths), 3)), np.zeros((len(mesh.lengths), 3))
+    give = np.zeros(0)
+    for effect in (effects.load(name) for name in used):
+        if hasattr(effect, "node_loads"):
+            loads += effect.node_loads(cable, point_loads, gravity, mesh)
+        if hasattr(effect, "stiffness"):
+            law += effect.stiffness(cable, mesh)
+        if hasattr(effect, "natural"):
+            bent += effect.natural(cable, mesh)
+        if hasattr(effect, "give"):
+            give = effect.give(cable, mesh)
+    return Matter(elastic_of(law, bent, mesh.lengths), loads, give, float(law.max()), float(np.linalg.norm(loads.sum(axis=0))))
 
 
 def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray) -> Elastic:
@@ -147,7 +172,7 @@ def _spans(problem: Problem) -> tuple[float, float]:
     grasps, length = problem.grasps, problem.cable.length
     if len(grasps.s) == 1:
         return length, KICK_MOST
-    spans = np.diff(grasps.s)
-    slack = 1.0 - np.linalg.norm(np.diff(grasps.position, axis=0), axis=1) / spans
-    kick = min(KICK_MOST, 0.5 * float(np.sqrt(np.clip(slack, 0.0, 1.0).min())) + 1e-4)
+    spans, chords = grasps.s[1:] - grasps.s[:-1], grasps.position[1:] - grasps.position[:-1]
+    slack = 1.0 - float((np.sqrt((chords * chords).sum(axis=1)) / spans).max())
+    kick = min(KICK_MOST, 0.5 * math.sqrt(max(slack, 0.0)) + 1e-4)
     return max(float(spans.min()), 0.2 * length), kick

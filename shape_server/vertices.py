@@ -10,6 +10,10 @@ Curvature and twist at a node: rho = conj(q_a) q_b (scalar part not negative), s
 4 sigma / cell, energy = cell/2 (kappa - bent).K (kappa - bent) with K = diag(law). This measure grows monotonically up to a
 turn of 2 pi and agrees with the exact curvature to second order in the cell.
 
+At a clamp, sigma = rho_v / rho_0 and kappa = 2 sigma / cell over half a cell: that is the curvature of a whole cell about the node whose
+other half mirrors this one. With the measure of the other nodes the error would have a term of third order in the cell there;
+with this one it has even orders only, and two meshes combine to fourth order (`richardson`).
+
 Source: Wiener and Milenkovic parameters for kappa, see Bauchau and Trainelli 2003, "The vectorial parameterization of
 rotation"; the staggered quaternion rod after Lang, Linn and Arnold 2011, "Multi-body dynamics simulation of
 geometrically exact Cosserat rods". Derivatives were derived here and are checked by differences in the tests.
@@ -19,6 +23,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+INNER, CLAMP = 1.0, 0.0  # kinds of vertices: between two segments, and between a segment and a clamp
+LEAST = 1e-6  # of the scalar part at a clamp; half a turn within half a cell is further than any cable bends
 
 
 @njit(cache=True)
@@ -32,12 +39,12 @@ def elastic_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # ty
         if clamp >= 0:
             if i > 0:
                 cell = 0.5 * lengths[i - 1]
-                total += _energy(frames[i - 1], clamp_frames[clamp], cell, elastic.law[i - 1], elastic.bent[i - 1], rho)
+                total += _energy(frames[i - 1], clamp_frames[clamp], cell, CLAMP, elastic.law[i - 1], elastic.bent[i - 1], rho)
             if i < count:
-                total += _energy(clamp_frames[clamp], frames[i], 0.5 * lengths[i], elastic.law[i], elastic.bent[i], rho)
+                total += _energy(clamp_frames[clamp], frames[i], 0.5 * lengths[i], CLAMP, elastic.law[i], elastic.bent[i], rho)
         elif 0 < i < count:
             cell = 0.5 * (lengths[i - 1] + lengths[i])
-            total += _energy(frames[i - 1], frames[i], cell, elastic.node_law[i], elastic.node_bent[i], rho)
+            total += _energy(frames[i - 1], frames[i], cell, INNER, elastic.node_law[i], elastic.node_bent[i], rho)
     return total
 
 
@@ -77,15 +84,15 @@ def assemble(frames, axes, lengths, pulled, elastic, clamp_of_node, clamp_frames
         if clamp >= 0:
             if i > 0:
                 k = i - 1
-                _vertex(frames[k], clamp_frames[clamp], 0.5 * lengths[k], law[k], bent[k], rho, ga, gb, haa, hab, hbb, work)
+                vertex(frames[k], clamp_frames[clamp], 0.5 * lengths[k], CLAMP, law[k], bent[k], rho, ga, gb, haa, hab, hbb, work)
                 _add(gradient, diagonal, k, ga, haa)
             if i < count:
-                _vertex(clamp_frames[clamp], frames[i], 0.5 * lengths[i], law[i], bent[i], rho, ga, gb, haa, hab, hbb, work)
+                vertex(clamp_frames[clamp], frames[i], 0.5 * lengths[i], CLAMP, law[i], bent[i], rho, ga, gb, haa, hab, hbb, work)
                 _add(gradient, diagonal, i, gb, hbb)
         elif 0 < i < count:
             cell = 0.5 * (lengths[i - 1] + lengths[i])
             law_here, bent_here = elastic.node_law[i], elastic.node_bent[i]
-            _vertex(frames[i - 1], frames[i], cell, law_here, bent_here, rho, ga, gb, haa, hab, hbb, work)
+            vertex(frames[i - 1], frames[i], cell, INNER, law_here, bent_here, rho, ga, gb, haa, hab, hbb, work)
             _add(gradient, diagonal, i - 1, ga, haa)
             _add(gradient, diagonal, i, gb, hbb)
             for r in range(3):
@@ -103,7 +110,13 @@ def _add(gradient, diagonal, segment, slope, curve):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _relative(qa, qb, rho):  # type: ignore[no-untyped-def]
+def strain_scale(scalar, cell, kind):  # type: ignore[no-untyped-def]
+    """Curvature per vector part of the relative rotation whose scalar part is given [1/m]."""
+    return (2.0 + 2.0 * kind) / (cell * max(kind + scalar, LEAST))
+
+
+@njit(cache=True)
+def relative(qa, qb, rho):  # type: ignore[no-untyped-def]
     """Relative rotation conj(qa) qb as (x, y, z, w), with w >= 0."""
     ax, ay, az, aw = -qa[0], -qa[1], -qa[2], qa[3]
     bx, by, bz, bw = qb[0], qb[1], qb[2], qb[3]
@@ -116,9 +129,9 @@ def _relative(qa, qb, rho):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _energy(qa, qb, cell, law, bent, rho):  # type: ignore[no-untyped-def]
-    _relative(qa, qb, rho)
-    scale = 4.0 / (cell * (1.0 + rho[3]))
+def _energy(qa, qb, cell, kind, law, bent, rho):  # type: ignore[no-untyped-def]
+    relative(qa, qb, rho)
+    scale = strain_scale(rho[3], cell, kind)
     total = 0.0
     for i in range(3):
         total += law[i] * (rho[i] * scale - bent[i]) ** 2
@@ -126,32 +139,36 @@ def _energy(qa, qb, cell, law, bent, rho):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _vertex(qa, qb, cell, law, bent, rho, ga, gb, haa, hab, hbb, work):  # type: ignore[no-untyped-def]
-    """Gradient and Hessian of one vertex; `work` is (4, 3, 3)."""
-    _relative(qa, qb, rho)
-    v0, v1, v2, r0 = rho[0], rho[1], rho[2], rho[3]
-    inv = 1.0 / (1.0 + r0)
+def vertex(qa, qb, cell, kind, law, bent, rho, ga, gb, haa, hab, hbb, work):  # type: ignore[no-untyped-def]
+    """Gradient and Hessian of one vertex of a `kind`, `INNER` or `CLAMP`; `work` is (4, 3, 3).
+
+    With sigma = rho_v / (kind + rho_0) and kappa = factor sigma / cell, d sigma = B theta_b - B^T theta_a,
+    B = (rho_0 / (kind + rho_0) I + [sigma] + sigma sigma^T) / 2.
+    """
+    relative(qa, qb, rho)
+    v0, v1, v2, r0 = rho[0], rho[1], rho[2], max(rho[3], LEAST - kind)
+    inv, factor = 1.0 / (kind + r0), 2.0 + 2.0 * kind
     s0, s1, s2 = v0 * inv, v1 * inv, v2 * inv
-    ss = s0 * s0 + s1 * s1 + s2 * s2
-    m0 = law[0] * (4.0 * s0 / cell - bent[0])
-    m1 = law[1] * (4.0 * s1 / cell - bent[1])
-    m2 = law[2] * (4.0 * s2 / cell - bent[2])
+    m0 = law[0] * (factor * s0 / cell - bent[0])
+    m1 = law[1] * (factor * s1 / cell - bent[1])
+    m2 = law[2] * (factor * s2 / cell - bent[2])
     b = work[0]
-    diagonal = 0.25 * (1.0 - ss)
+    diagonal = 0.5 * r0 * inv
     b[0, 0], b[0, 1], b[0, 2] = diagonal + 0.5 * s0 * s0, 0.5 * (s0 * s1 - s2), 0.5 * (s0 * s2 + s1)
     b[1, 0], b[1, 1], b[1, 2] = 0.5 * (s0 * s1 + s2), diagonal + 0.5 * s1 * s1, 0.5 * (s1 * s2 - s0)
     b[2, 0], b[2, 1], b[2, 2] = 0.5 * (s0 * s2 - s1), 0.5 * (s1 * s2 + s0), diagonal + 0.5 * s2 * s2
     for i in range(3):
-        gb[i] = 4.0 * (b[0, i] * m0 + b[1, i] * m1 + b[2, i] * m2)
-        ga[i] = -4.0 * (b[i, 0] * m0 + b[i, 1] * m1 + b[i, 2] * m2)
-    scale = 16.0 / cell
+        gb[i] = factor * (b[0, i] * m0 + b[1, i] * m1 + b[2, i] * m2)
+        ga[i] = -factor * (b[i, 0] * m0 + b[i, 1] * m1 + b[i, 2] * m2)
+    scale = factor * factor / cell
     kb, kbt = work[1], work[2]  # K B and K B^T
     for i in range(3):
         for j in range(3):
             kb[i, j] = scale * law[i] * b[i, j]
             kbt[i, j] = scale * law[i] * b[j, i]
     ms = m0 * s0 + m1 * s1 + m2 * s2
-    g0, c0, c1, c2 = -ms * inv, m0 * inv, m1 * inv, m2 * inv
+    share = 0.25 * factor * inv
+    g0, c0, c1, c2 = -ms * share, m0 * share, m1 * share, m2 * share
     spread = g0 * r0 + c0 * v0 + c1 * v1 + c2 * v2
     cv = c0 * v0 + c1 * v1 + c2 * v2
     p = work[3]

@@ -1,7 +1,7 @@
-"""Before any test: compiled code of other sources than these is forgotten."""
+"""Before any test: the kernels are compiled, or loaded if they are those of these sources, so that no test is timed with the compiler."""
 
 from __future__ import annotations
 
-from shape_server.paths import forget_stale_kernels
+from shape_server.paths import compile_kernels
 
-forget_stale_kernels()
+compile_kernels()

@@ -3,7 +3,7 @@
 An effect is asked for by a number in the cable or the request; one that is not asked for is not imported. The system
 sums what the effects add without knowing any of them by name:
 
-- `node_loads(problem, gravity, mesh)`: a load on every node [N];
+- `node_loads(cable, loads, gravity, mesh)`: a load on every node [N];
 - `stiffness(cable, mesh)`: a diagonal law for curvature and twist of every segment [N m^2];
 - `natural(cable, mesh)`: curvature and twist of every segment when free of any load [1/m];
 - `give(cable, mesh)`: growth of every segment under a unit of tension [m/N];

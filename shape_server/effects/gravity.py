@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import Problem
-from protocol.scene import Vector
+from protocol.messages import PointLoads
+from protocol.scene import Cable, Vector
 
 from ..mesh import Mesh
 
 
-def node_loads(problem: Problem, gravity: Vector, mesh: Mesh) -> np.ndarray:
+def node_loads(cable: Cable, loads: PointLoads | None, gravity: Vector, mesh: Mesh) -> np.ndarray:
     """Weight at every node, (n, 3) [N].
 
     Args:
-        problem: Its cable gives the mass per length [kg/m].
+        cable: Gives the mass per length [kg/m].
+        loads: Not looked at.
         gravity: [m/s^2].
         mesh: The nodes.
     """
-    half = 0.5 * mesh.lengths * mesh.along(problem.cable, "mass_per_length")
+    half = 0.5 * mesh.lengths * mesh.along(cable, "mass_per_length")
     share = np.zeros(len(mesh.s))
     share[:-1] += half
     share[1:] += half

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import Problem
-from protocol.scene import Vector
+from protocol.messages import PointLoads
+from protocol.scene import Cable, Vector
 
 from ..mesh import Mesh
 
 
-def node_loads(problem: Problem, gravity: Vector, mesh: Mesh) -> np.ndarray:
+def node_loads(cable: Cable, loads: PointLoads | None, gravity: Vector, mesh: Mesh) -> np.ndarray:
     """The given forces at every node, (n, 3) [N]."""
-    assert problem.loads is not None
-    return mesh.shared(problem.loads.s, problem.loads.force)
+    assert loads is not None
+    return mesh.shared(loads.s, loads.force)

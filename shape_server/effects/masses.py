@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import Problem
-from protocol.scene import Vector
+from protocol.messages import PointLoads
+from protocol.scene import Cable, Vector
 
 from ..mesh import Mesh
 
 
-def node_loads(problem: Problem, gravity: Vector, mesh: Mesh) -> np.ndarray:
+def node_loads(cable: Cable, loads: PointLoads | None, gravity: Vector, mesh: Mesh) -> np.ndarray:
     """Weight of the lumped masses at every node, (n, 3) [N]."""
-    masses = problem.cable.masses
-    return mesh.shared(np.array([mass.at for mass in masses]), np.outer([mass.mass for mass in masses], gravity))
+    at, mass = [mass.at for mass in cable.masses], [mass.mass for mass in cable.masses]
+    return mesh.shared(np.array(at), np.outer(mass, gravity))

@@ -107,6 +107,29 @@ MISTAKES = [
         "24: grippers[1].tangent: [0.0, 0.0, 0.0] has no direction; give a vector that is not zero",
     ),
     ("twist = 0.0164\n", "", "3: cables[0].twist: missing; a cable has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)"),
+    # parts of a cable
+    (
+        "bending = 0.02",
+        "bending = 0.02\nsections = [{start = 0, end = 1.3}]",
+        "9: cables[0].sections[0]: from 0 to 1.3 m must begin after the section before it, at 0 m or later, "
+        "and end within the cable's 1.2 m",
+    ),
+    (
+        "bending = 0.02",
+        "bending = 0.02\nsections = [{start = 0, end = 1, stretch = 1}]",
+        "9: cables[0].sections[0].stretch: given for a part of a cable without 'stretch'; give the cable 'stretch' too",
+    ),
+    (
+        "bending = 0.02",
+        'bending = 0.02\nmasses = [{at = "2 m", mass = "8 g"}]',
+        "9: cables[0].masses[0].at: 2 m lies beyond the end of the cable; give 0 to 1.2 m",
+    ),
+    (
+        "bending = 0.02\ntwist = 0.0164\n",
+        "micro_length = 0.01\n",
+        "8: cables[0].micro_length: given for a cable without 'bending'; give the cable 'bending' and 'twist' too",
+    ),
+    ("bending = 0.02", "bending_stiffness = 0.02", "8: cables[0].bending_stiffness: unknown key; did you mean 'bending'?"),
     # names given twice
     ('name = "right"', 'name = "left"', "13: grippers: the name 'left' is given 2 times; names must differ"),
     (

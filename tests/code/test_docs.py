@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import re
-from dataclasses import fields, is_dataclass
-from typing import Any, get_args
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import msgpack
 import msgspec
 import pytest
+from annotated_types import Le
 from rooms import ROOT
 
-from protocol import VERSION, channel, kinds, messages, scene
+from protocol import VERSION, channel, checks, kinds, messages, parts, scene
 from protocol.codec import decode, encode
 from protocol.messages import AnyMessage, Hello, Message, Part, ShapeRequest
 from shape_server import numpy_path
@@ -22,6 +24,7 @@ PAGE = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
 MESSAGES = [kind for kind in get_args(AnyMessage)]
 PARTS = [kind for kind in vars(messages).values() if isinstance(kind, type) and issubclass(kind, Part) and kind is not Part]
 SCENES = [kind for kind in vars(scene).values() if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == scene.__name__]
+CABLES = [scene.Cable, scene.Section, scene.LumpedMass]
 
 
 def section(name: str) -> str:
@@ -34,18 +37,28 @@ def section(name: str) -> str:
 
 @pytest.mark.parametrize("kind", [*MESSAGES, *PARTS], ids=lambda kind: kind.__name__)
 def test_every_field_of_every_message_has_a_row(kind: type[msgspec.Struct]) -> None:
-    rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \|", section(kind.__name__), re.MULTILINE)
-    assert [name for name, _ in rows] == list(kind.__struct_fields__)
-    for (name, words), field in zip(rows, msgspec.structs.fields(kind), strict=True):
-        default = re.search(r"= (.+)$", words)
-        assert (default is None) == (field.default is msgspec.NODEFAULT), name
-        if default is not None:
-            assert default[1].strip("`").strip('"') == str(field.default), name
+    rows = rows_of(kind.__name__)
+    assert [name for name, _, _ in rows] == list(kind.__struct_fields__)
+    for (name, words, _), field in zip(rows, msgspec.structs.fields(kind), strict=True):
+        assert default_in(words) == (None if field.default is msgspec.NODEFAULT else as_written(field.default)), name
         if field.type.__name__ == "ndarray" if isinstance(field.type, type) else False:
             assert re.match(r"\([\w,\- ]+\) <[fi]8", words), name
 
 
-@pytest.mark.parametrize("kind", [kind for kind in SCENES if kind is not scene.Unit], ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", CABLES, ids=lambda kind: kind.__name__)
+def test_every_number_of_a_cable_has_a_row_with_its_unit_its_default_and_its_bound(kind: Any) -> None:
+    rows, hints = rows_of(kind.__name__), get_type_hints(kind, include_extras=True)
+    assert [name for name, _, _ in rows] == [field.name for field in fields(kind)]
+    for (name, words, meaning), field in zip(rows, fields(kind), strict=True):
+        assert default_in(words) == (None if field.default is MISSING else as_written(field.default)), name
+        for note in notes(hints[name]):
+            if isinstance(note, scene.Unit):
+                assert meaning.startswith(f"{note.name},"), name
+            if isinstance(note, Le):
+                assert re.search(rf"(to|at most) (1e{round(math.log10(note.le))}\b|the cable's length)", meaning), name
+
+
+@pytest.mark.parametrize("kind", SCENES, ids=lambda kind: kind.__name__)
 def test_every_field_of_a_scene_is_named(kind: Any) -> None:
     for field in fields(kind):
         assert f"`{field.name}`" in section(kind.__name__), field.name
@@ -58,11 +71,24 @@ def test_no_message_is_forgotten() -> None:
 
 def test_the_page_is_of_this_version_and_has_its_limits() -> None:
     assert f"version **{VERSION}**" in PAGE
-    for limit in (messages.NODES_MAX, messages.CONTACTS_MAX, messages.GRASPS_MAX, channel.HEARTBEAT, 3 * channel.HEARTBEAT):
-        assert str(limit) in PAGE
+    assert set(re.findall(r"\"version\": (\d+)", PAGE)) == {str(VERSION)}
+    limits = {
+        "grasps": messages.GRASPS_MAX,
+        "contacts": messages.CONTACTS_MAX,
+        "point loads": messages.CONTACTS_MAX,
+        "sections": checks.SECTIONS_MAX,
+        "lumped masses": checks.SECTIONS_MAX,
+        "nodes": messages.NODES_MAX,
+        "turns": parts.TURNS_MAX,
+        "branch": parts.BRANCHES_MAX,
+    }
+    for what, limit in limits.items():
+        assert re.search(rf"^\| [^|]*\b{what}\b[^|]* \| {limit} \|", PAGE, re.MULTILINE), what
+    for wait in (channel.HEARTBEAT, 3 * channel.HEARTBEAT):
+        assert str(wait) in PAGE
     assert f"{channel.SIZE_MAX // 2**20} MiB" in PAGE
     assert f"{channel.SNAPSHOT_SIZE_MAX // 2**20} MiB" in PAGE
-    for kind in (kinds.Outcome, kinds.Hold, kinds.Friction):
+    for kind in (kinds.Outcome, kinds.Hold, kinds.Friction, kinds.Model):
         for member in kind:
             assert re.search(rf"`\"?{member.value}\"?`", PAGE), member
 
@@ -98,6 +124,30 @@ def test_the_links_on_the_page_lead_somewhere() -> None:
     assert set(re.findall(r"\]\(#([^)]+)\)", PAGE)) <= heads
     for path in re.findall(r"`((?:protocol|tests)/[\w/.]+)`", PAGE):
         assert (ROOT / path).is_file(), path
+
+
+def rows_of(name: str) -> list[tuple[str, str, str]]:
+    """Field, type and meaning of every row of the first table about a message or a part of one."""
+    table = re.search(r"(?:^\| .*\n)+", section(name), re.MULTILINE)
+    return re.findall(r"^\| `(\w+)` \| ([^|]+) \| (.*?) ?\|$", table[0] if table else "", re.MULTILINE)
+
+
+def default_in(words: str) -> str | None:
+    """What a row says that its field is unless it is given."""
+    found = re.search(r"= (.+)$", words)
+    return found[1].strip("`") if found else None
+
+
+def as_written(default: Any) -> str:
+    """A default as the page writes it."""
+    return "None" if default is None else json.dumps(msgspec.to_builtins(default))
+
+
+def notes(hint: Any) -> list[Any]:
+    """Unit and bounds at a field, also those inside `Annotated[...] | None`."""
+    if get_origin(hint) is Annotated:
+        return [*notes(get_args(hint)[0]), *get_args(hint)[1:]]
+    return [note for member in get_args(hint) for note in notes(member)] if type(None) in get_args(hint) else []
 
 
 def blocks(language: str) -> list[str]:

@@ -17,7 +17,7 @@ SCENE = Scene(
     cables=(Cable(name="wire", length=1.0, diameter=0.006, mass_per_length=0.02),),
     grippers=(Gripper(name="hand", cable="wire", at=0.0, position=(0.0, 0.0, 0.0), tangent=(1.0, 0.0, 0.0)),),
 )
-COST = Cost(**{name: "numpy" if name == "path" else 0.0 for name in Cost.__struct_fields__})
+COST = Cost(solve=0.0, estimate=0.0, certify=0.0, factorisations=1, path="numpy")
 
 
 def shape(*, outcome: Outcome = Outcome.CONVERGED, tension: float = 1.0, curvature: float = 2.0, force: float = 3.0) -> Shape:
@@ -34,10 +34,17 @@ def shape(*, outcome: Outcome = Outcome.CONVERGED, tension: float = 1.0, curvatu
         sentence="as wished",
         model="rod",
         effects=("gravity",),
+        left_out={"stretch": 1e-6},
         error=1e-4,
+        error_tension=1e-3,
+        error_curvature=None,
         residual=0.0,
         iterations=1,
+        energy=-0.1,
+        total_twist=0.0,
         is_stable=True,
+        margin=None,
+        fold=None,
         cost=COST,
     )
 

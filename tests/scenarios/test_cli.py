@@ -13,13 +13,40 @@ from recordings import SCENE, shape
 from protocol.messages import Shape
 from scenarios.ask import as_json
 from scenarios.children import environment
-from scenarios.posture import HeldPoint, Posture
+from scenarios.held_points import HeldPoint
+from scenarios.posture import Posture
 
 POSTURE = """
 title = "a wire that hangs between two clamps and lies on a floor"
 cable = {name = "wire", length = 1.0, diameter = "6 mm", mass_per_length = 0.0174, bending = 1.2e-4, twist = 1.0e-4}
 grasps = [{at = 0, position = [0, 0, 0], tangent = [1, 0, 0]}, {at = 1, position = [0.6, 0, 0], tangent = [1, 0, 0]}]
 contacts = [{at = 0.5, point = [0.3, 0, -0.3], normal = [0, 0, 1]}]
+"""
+
+DRESSED = """
+title = "a wire with a sleeve and a connector on it, that slides at one end and is pulled aside"
+margin = true
+loads = [{at = 0.7, force = [0, "10 mN", 0]}]
+[[grasps]]
+at = 0
+position = [0, 0, 0]
+tangent = [1, 0, 0]
+[[grasps]]
+at = 1
+position = [0.6, 0, 0]
+tangent = [1, 0, 0]
+hold = "guide"
+[cable]
+name = "wire"
+length = 1.0
+diameter = "6 mm"
+mass_per_length = 0.0174
+bending = 1.2e-4
+twist = 1.0e-4
+stretch = "12 kN"
+natural_curvature = ["0.5 1/m", 0, 0]
+sections = [{start = 0.4, end = 0.6, mass_per_length = "40 g/m", bending = 5e-4}]
+masses = [{at = 0.5, mass = "8 g"}]
 """
 
 
@@ -86,6 +113,28 @@ def test_shape_prints_the_shape_of_a_posture_as_json(tmp_path: Path) -> None:
     assert found["contact_forces"][0][2] > 0.0
     touching = min(range(len(found["s"])), key=lambda node: abs(found["s"][node] - found["contact_s"][0]))
     assert found["nodes"][touching][2] == pytest.approx(-0.297, abs=1e-4)  # a radius above the floor; a node lies within half a segment
+
+
+def test_shape_answers_a_posture_with_parts_on_the_cable_a_guide_and_a_load(tmp_path: Path) -> None:
+    (tmp_path / "wire.toml").write_text(DRESSED)
+    done = cablecosim("shape", "wire.toml", folder=tmp_path)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    found = json.loads(done.stdout)
+    assert set(found["effects"]) == {"gravity", "masses", "loads", "bending", "twist", "preform", "stretch"}
+    assert found["margin"] > 0.0
+    weight = 9.81 * (0.0174 * 0.8 + 0.04 * 0.2 + 0.008)
+    held = [sum(wrench[axis] for wrench in found["grasp_wrenches"]) for axis in range(3)]
+    assert held == pytest.approx([0.0, -0.01, weight], abs=1e-9)
+    assert found["grasp_wrenches"][1][0] == pytest.approx(0.0, abs=1e-9)  # a guide gives nothing along its tangent
+
+
+def test_shape_answers_within_a_budget_in_place_of_the_tolerance(tmp_path: Path) -> None:
+    (tmp_path / "wire.toml").write_text(POSTURE)
+    done = cablecosim("shape", "wire.toml", "--set", "budget=100 ms", "--set", "tolerance=1e-12", folder=tmp_path)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["error"] > 1e-12
 
 
 def test_a_posture_without_a_shape_ends_with_code_1_and_the_reason(tmp_path: Path) -> None:

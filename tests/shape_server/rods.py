@@ -113,16 +113,18 @@ def is_honest(shape: Shape) -> bool:
 def bending_and_twist_energy(problem: Problem, s: np.ndarray, frames: np.ndarray) -> float:
     """Elastic energy [J] of the frames, from rotation angles: kappa = 4 tan(angle / 4) / cell about the axis of the turn.
 
-    Written without the program under test; only the choice of cells is the same.
+    Over the half cell beside a clamp 2 tan(angle / 2) / cell.
+
+    Written without the program under test; only the choice of cells and of these measures is the same.
     """
     cable, held = problem.cable, problem.grasps
     lengths, rotations = np.diff(s), Rotation.from_quat(frames)
     law = np.array([cable.bending, cable.bending, cable.twist or 0.0])
 
-    def energy(before: Rotation, after: Rotation, cell: np.ndarray) -> float:
+    def energy(before: Rotation, after: Rotation, cell: np.ndarray, share: int = 4) -> float:
         turn = (before.inv() * after).as_rotvec()
         angle = np.maximum(np.linalg.norm(turn, axis=-1, keepdims=True), 1e-300)
-        strain = 4 * np.tan(angle / 4) * turn / angle / np.reshape(cell, (-1, 1))
+        strain = share * np.tan(angle / share) * turn / angle / np.reshape(cell, (-1, 1))
         return float((0.5 * np.ravel(cell)[:, None] * law * strain**2).sum())
 
     clamps = {int(np.argmin(np.abs(s - at))): k for k, at in enumerate(held.s) if held.hold[k] is Hold.CLAMP}
@@ -131,9 +133,9 @@ def bending_and_twist_energy(problem: Problem, s: np.ndarray, frames: np.ndarray
     for node, k in clamps.items():
         clamp = Rotation.from_quat(held.quaternion[k : k + 1])
         if node > 0:
-            total += energy(rotations[node - 1 : node], clamp, 0.5 * lengths[node - 1 : node])
+            total += energy(rotations[node - 1 : node], clamp, 0.5 * lengths[node - 1 : node], 2)
         if node < len(lengths):
-            total += energy(clamp, rotations[node : node + 1], 0.5 * lengths[node : node + 1])
+            total += energy(clamp, rotations[node : node + 1], 0.5 * lengths[node : node + 1], 2)
     return total
 
 

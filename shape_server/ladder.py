@@ -1,0 +1,229 @@
+"""The cheaper rungs below the rod: taut line, catenary, gradient cable; each with what it leaves out, in metres.
+
+| model | leaves out | by how much |
+| --- | --- | --- |
+| taut line | all sag and bending | no node is further from the chord than sqrt(L^2 - c^2) / 2, however it is loaded |
+| catenary | bending | 1.3 sqrt(EI / T) beside a clamp, T the force there (0.98 to 1.23 measured against clamped rods) |
+| gradient cable | slopes beyond the third order, all that leaves the plane | predicted by `gradient_error` |
+
+The cheapest whose left-out effects are below the tolerance is taken, unless the problem names one. The gradient cable is taken by itself
+only for a cable with a micro-structure length. With a start shape, contacts or clamps inside, a cable with bending is always a rod.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from protocol.kinds import Hold, Model, Outcome
+from protocol.messages import Cost, Problem, Shape
+from protocol.scene import Vector
+
+from .answer import no_shape
+from .hanging import not_built, solve_hanging
+from .mesh import Mesh, even, stops
+from .numpy_path import frames_along
+
+LAYER: Final = 1.3  # times sqrt(EI / T), what a catenary misses beside a clamp
+SEGMENTS: Final = (25, 50, 100, 200, 400, 800)
+
+
+def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
+    """The model to use: the one named, or the cheapest that keeps the tolerance."""
+    cable, grasps = problem.cable, problem.grasps
+    if problem.model is not Model.AUTO:
+        return problem.model
+    if cable.bending is None:
+        return Model.CATENARY
+    if cable.micro_length is not None:
+        return Model.GRADIENT
+    if problem.start is not None or not _is_plain(problem) or cable.stretch is not None or cable.natural_curvature is not None:
+        return Model.ROD
+    if any(problem.turns) or problem.branch:
+        return Model.ROD
+    chord = float(np.linalg.norm(grasps.position[1] - grasps.position[0]))
+    if chord < cable.length * (1 - 1e-12) and 0.5 * math.sqrt(cable.length**2 - chord**2) <= tolerance:
+        return Model.TAUT
+    weight = cable.mass_per_length * float(np.linalg.norm(gravity))
+    # The force at an end is no less than half the weight, so only a cable this soft is worth a catenary.
+    if not_built(problem, weight) or LAYER * math.sqrt(2 * cable.bending / (weight * cable.length)) > 10 * tolerance or chord > cable.length:
+        return Model.ROD
+    hanging = solve_hanging(problem, gravity, tolerance)
+    is_soft = hanging.outcome is Outcome.CONVERGED and _layer(problem, hanging.grasp_forces) <= 0.5 * tolerance
+    return Model.CATENARY if is_soft else Model.ROD
+
+
+def _is_plain(problem: Problem) -> bool:
+    """Whether the cable is held at its two ends and touches and carries nothing."""
+    grasps, cable = problem.grasps, problem.cable
+    at_ends = len(grasps.s) == 2 and grasps.s[0] == 0.0 and grasps.s[1] == cable.length
+    return at_ends and problem.contacts is None and problem.loads is None and not cable.sections and not cable.masses
+
+
+def _layer(problem: Problem, grasp_forces: np.ndarray) -> float:
+    """What bending moves beside the clamps [m]; zero for a cable without."""
+    if problem.cable.bending is None:
+        return 0.0
+    least = float(np.linalg.norm(grasp_forces, axis=1).min())
+    return LAYER * math.sqrt(problem.cable.bending / max(least, 1e-300))
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A shape in closed form, before it is an answer."""
+
+    mesh: Mesh
+    nodes: np.ndarray  # (n, 3) m
+    frames: np.ndarray  # (n-1, 4)
+    tension: np.ndarray  # (n-1,) N
+    curvature: np.ndarray  # (n,) 1/m
+    wrenches: np.ndarray  # (g, 6)
+    contact_forces: np.ndarray  # (m, 3) N
+    energy: float  # J
+    error: float  # m
+    error_tension: float | None  # N, None where it is not known
+    left_out: dict[str, float]  # m
+
+
+def answer(problem: Problem, used: tuple[str, ...], rung: Rung, model: Model, sentence: str, begun: float) -> Shape:
+    """The answer that a closed form is."""
+    return Shape(
+        s=rung.mesh.s,
+        nodes=rung.nodes,
+        frames=rung.frames,
+        tension=rung.tension,
+        curvature=rung.curvature,
+        grasp_wrenches=rung.wrenches,
+        contact_forces=rung.contact_forces,
+        contact_s=problem.contacts.s if problem.contacts is not None else np.zeros(0),
+        outcome=Outcome.CONVERGED,
+        sentence=sentence,
+        model=model.value,
+        effects=tuple(name for name in used if name not in rung.left_out),
+        left_out=rung.left_out,
+        error=rung.error + sum(rung.left_out.values()),
+        error_tension=rung.error_tension,
+        error_curvature=0.0 if not rung.left_out else None,
+        residual=0.0,
+        iterations=0,
+        energy=rung.energy,
+        total_twist=0.0,
+        is_stable=True,
+        margin=None,
+        fold=None,
+        cost=Cost(solve=time.perf_counter() - begun, estimate=0.0, certify=0.0, factorisations=0, path="closed form"),
+    )
+
+
+def catenary_shape(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
+    """Catenaries between held points."""
+    hanging = solve_hanging(problem, gravity, tolerance)
+    if hanging.outcome is not Outcome.CONVERGED:
+        return no_shape(problem, used, hanging.outcome, hanging.sentence, "catenary", time.perf_counter() - begun)
+    wrenches = np.zeros((len(problem.grasps.s), 6))
+    wrenches[:, :3] = hanging.grasp_forces
+    layer = _layer(problem, hanging.grasp_forces)
+    rung = Rung(
+        mesh=hanging.mesh,
+        nodes=hanging.nodes,
+        frames=hanging.frames,
+        tension=hanging.tension,
+        curvature=hanging.curvature,
+        wrenches=wrenches,
+        contact_forces=hanging.contact_forces,
+        energy=hanging.energy,
+        error=hanging.sag,
+        error_tension=0.0 if not layer else None,
+        left_out={"bending": layer} if layer else {},
+    )
+    return answer(problem, used, rung, Model.CATENARY, hanging.sentence, begun)
+
+
+def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: float) -> Shape:
+    """A straight line between two ends."""
+    from .taut_line import lay_taut
+
+    grasps, cable = problem.grasps, problem.cable
+    if not _is_plain(problem):
+        sentence = "a taut line is a cable held at its two ends that touches and carries nothing"
+        return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "taut", time.perf_counter() - begun)
+    mesh = even(stops(problem), grasps.s, SEGMENTS[0])
+    try:
+        line = lay_taut(*grasps.position, cable.length, cable.mass_per_length * np.asarray(gravity), mesh.s)
+    except ValueError as error:
+        return no_shape(problem, used, Outcome.UNREACHABLE, str(error), "taut", time.perf_counter() - begun)
+    sag = {name: line.error for name in ("bending" if cable.bending is not None else "gravity",)}
+    rung = Rung(
+        mesh=mesh,
+        nodes=line.nodes,
+        frames=_frames(line.nodes, grasps.quaternion[0]),
+        tension=0.5 * (line.tension[1:] + line.tension[:-1]),
+        curvature=np.zeros(len(mesh.s)),
+        wrenches=np.hstack([[line.start_force, line.end_force], np.zeros((2, 3))]),
+        contact_forces=np.zeros((0, 3)),
+        energy=-float(np.vdot(cable.mass_per_length * np.asarray(gravity), 0.5 * mesh.lengths @ (line.nodes[1:] + line.nodes[:-1]))),
+        error=0.0,
+        error_tension=line.tension_error if cable.bending is None else None,
+        left_out=sag,
+    )
+    return answer(problem, used, rung, Model.TAUT, "straight line", begun)
+
+
+def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
+    """The paper's moment-accepting cable, in a plane, with moderate slopes."""
+    from .gradient_cable import NotCovered, lay
+
+    grasps, cable = problem.grasps, problem.cable
+    load = cable.mass_per_length * np.asarray(gravity)
+    plain = _is_plain(problem) and cable.bending is not None and cable.stretch is None and cable.natural_curvature is None
+    if not plain or cable.bending is None or not load.any() or Hold.GUIDE in grasps.hold:
+        sentence = "the gradient cable hangs between clamps or hinges at its two ends, with weight and bending, and carries nothing else"
+        return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "gradient", time.perf_counter() - begun)
+    tangents = [_tangent(q) if hold is Hold.CLAMP else None for q, hold in zip(grasps.quaternion, grasps.hold, strict=True)]
+    for segments in SEGMENTS:
+        mesh = even(stops(problem), grasps.s, segments)
+        try:
+            laid = lay(*grasps.position, cable.length, load, cable.bending, cable.micro_length or 0.0, *tangents, mesh.s)
+        except NotCovered as error:
+            return no_shape(problem, used, Outcome.UNSUPPORTED, str(error), "gradient", time.perf_counter() - begun)
+        sag = float(np.abs(laid.curvature).max()) * float(mesh.lengths.max()) ** 2 / 8
+        if sag <= tolerance:
+            break
+    aside = np.cross(grasps.position[1] - grasps.position[0], load)
+    axis = aside / max(float(np.linalg.norm(aside)), 1e-300)
+    moments = np.outer([-laid.moment[0], laid.moment[-1]], -axis)
+    moments[[tangent is None for tangent in tangents]] = 0.0
+    rung = Rung(
+        mesh=mesh,
+        nodes=laid.nodes,
+        frames=_frames(laid.nodes, grasps.quaternion[0]),
+        tension=0.5 * (laid.tension[1:] + laid.tension[:-1]),
+        curvature=np.abs(laid.curvature),
+        wrenches=np.hstack([[laid.start_force, laid.end_force], moments]),
+        contact_forces=np.zeros((0, 3)),
+        energy=_bending_energy(cable.bending, laid.curvature, mesh) - float(np.vdot(load, 0.5 * mesh.lengths @ (laid.nodes[1:] + laid.nodes[:-1]))),
+        error=laid.error + sag,
+        error_tension=laid.tension_error,
+        left_out={},
+    )
+    return answer(problem, used, rung, Model.GRADIENT, "closed form", begun)
+
+
+def _bending_energy(bending: float, curvature: np.ndarray, mesh: Mesh) -> float:
+    return float(0.25 * bending * ((curvature[1:] ** 2 + curvature[:-1] ** 2) * mesh.lengths).sum())
+
+
+def _tangent(quaternion: np.ndarray) -> np.ndarray:
+    x, y, z, w = quaternion.tolist()
+    return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
+
+def _frames(nodes: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Frames (n-1, 4) from node to node, without twist from the first grasp on."""
+    chords = np.diff(nodes, axis=0)
+    frames: np.ndarray = frames_along(chords / np.linalg.norm(chords, axis=1, keepdims=True), np.array(first), 0)
+    return frames

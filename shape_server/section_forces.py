@@ -1,0 +1,84 @@
+"""What the sections of a settled rod carry: tension, curvature, twist, and the moments at its clamps, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .chain import carried_forces
+from .rod import node_forces
+from .vertices import CLAMP, INNER, relative, strain_scale
+
+
+@njit(cache=True)
+def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
+    """Tension (n-1,) [N], curvature (n,) [1/m], total twist [rad], and moments (c, 3) [N m] on the cable at all clamps.
+
+    Tension is that at the middle of every segment; of a clamp inside the cable the curvature is the larger of its two sides.
+    """
+    count = len(rod.lengths)
+    carried = carried_forces(node_forces(rod, state, view), rod.base)
+    tension, curvature = np.empty(count), np.zeros(count + 1)
+    moments, rho, world = np.zeros((len(rod.clamp_frames), 3)), np.empty(4), np.empty(3)
+    for j in range(count):
+        d3 = view.axes[j, 2]
+        tension[j] = carried[j, 0] * d3[0] + carried[j, 1] * d3[1] + carried[j, 2] * d3[2]
+    for i in range(count + 1):
+        clamp = rod.clamp_of_node[i]
+        if clamp < 0 and 0 < i < count:
+            relative(state.frames[i - 1], state.frames[i], rho)
+            curvature[i] = _bend(rho, 0.5 * (rod.lengths[i - 1] + rod.lengths[i]), INNER)
+        for side in range(2):
+            segment = i - 1 + side
+            if clamp < 0 or segment < 0 or segment >= count:
+                continue
+            first = state.frames[segment] if side == 0 else rod.clamp_frames[clamp]
+            second = rod.clamp_frames[clamp] if side == 0 else state.frames[segment]
+            relative(first, second, rho)
+            cell = 0.5 * rod.lengths[segment]
+            curvature[i] = max(curvature[i], _bend(rho, cell, CLAMP))
+            _moment(rho, cell, rod.elastic.law[segment], rod.elastic.bent[segment], second, world)
+            for k in range(3):
+                moments[clamp, k] += world[k] if side == 0 else -world[k]
+    return tension, curvature, twist_of(rod, state), moments
+
+
+@njit(cache=True)
+def twist_of(rod, state):  # type: ignore[no-untyped-def]
+    """Twist [rad] of the section about the tangent, from the first node to the last."""
+    count, twist, rho = len(rod.lengths), 0.0, np.empty(4)
+    for i in range(count + 1):
+        clamp = rod.clamp_of_node[i]
+        if clamp < 0 and 0 < i < count:
+            relative(state.frames[i - 1], state.frames[i], rho)
+            twist += 4.0 * np.arctan(rho[2] / (1.0 + rho[3]))
+        if clamp >= 0 and i > 0:
+            relative(state.frames[i - 1], rod.clamp_frames[clamp], rho)
+            twist += 4.0 * np.arctan(rho[2] / (1.0 + rho[3]))
+        if clamp >= 0 and i < count:
+            relative(rod.clamp_frames[clamp], state.frames[i], rho)
+            twist += 4.0 * np.arctan(rho[2] / (1.0 + rho[3]))
+    return twist
+
+
+@njit(cache=True)
+def _bend(rho, cell, kind):  # type: ignore[no-untyped-def]
+    return strain_scale(rho[3], cell, kind) * np.sqrt(rho[0] * rho[0] + rho[1] * rho[1])
+
+
+@njit(cache=True)
+def _moment(rho, cell, law, bent, frame, out):  # type: ignore[no-untyped-def]
+    """Moment (3,) [N m], world frame, that the part after a clamp's vertex exerts on the part before it.
+
+    The gradient of the vertex energy with respect to a turn of the later frame, 2 B^T M with B as in `vertices`, turned to the world.
+    """
+    scale = strain_scale(rho[3], cell, CLAMP)
+    s0, s1, s2 = 0.5 * cell * scale * rho[0], 0.5 * cell * scale * rho[1], 0.5 * cell * scale * rho[2]
+    m0, m1, m2 = law[0] * (scale * rho[0] - bent[0]), law[1] * (scale * rho[1] - bent[1]), law[2] * (scale * rho[2] - bent[2])
+    x, y, z, w = frame[0], frame[1], frame[2], frame[3]
+    along = s0 * m0 + s1 * m1 + s2 * m2
+    u = m0 - (s1 * m2 - s2 * m1) + along * s0
+    v = m1 - (s2 * m0 - s0 * m2) + along * s1
+    t = m2 - (s0 * m1 - s1 * m0) + along * s2
+    a, b, c = y * t - z * v + w * u, z * u - x * t + w * v, x * v - y * u + w * t
+    out[0], out[1], out[2] = u + 2.0 * (y * c - z * b), v + 2.0 * (z * a - x * c), t + 2.0 * (x * b - y * a)
