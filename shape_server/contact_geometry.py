@@ -107,23 +107,28 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
     normal, push, slide, across = np.empty((many, 3)), np.empty((many, 3)), np.zeros((many, 3)), np.zeros((many, 3))
     offset = np.empty(3)
     for c in range(many):
-        j, is_free = element[c], False
-        if feature[c] != FACE:
-            fraction[c], is_free = _place(nodes, axes, lengths, j, point[c], direction[c], feature[c])
+        j, is_free, kind, at = element[c], False, feature[c], point[c]
+        if kind != FACE:
+            fraction[c], is_free = _place(nodes, axes, lengths, j, at, direction[c], kind)
         for k in range(3):
-            offset[k] = nodes[j, k] + fraction[c] * lengths[j] * axes[j, 2, k] - point[c, k]
-        if feature[c] == FACE:
+            offset[k] = nodes[j, k] + fraction[c] * lengths[j] * axes[j, 2, k] - at[k]
+        if kind == EDGE:
+            along = _dot(offset, direction[c])
+            end = min(max(along, extent[c, 0]), extent[c, 1])
+            if end == along:
+                for k in range(3):
+                    offset[k] -= along * direction[c, k]
+            else:  # past its end an edge is the point where it ends, so that the next edge takes over without a jump
+                kind, at = VERTEX, point[c] + end * direction[c]
+                fraction[c], is_free = _place(nodes, axes, lengths, j, at, direction[c], kind)
+                for k in range(3):
+                    offset[k] = nodes[j, k] + fraction[c] * lengths[j] * axes[j, 2, k] - at[k]
+        if kind == FACE:
             gap[c] = _dot(offset, given[c]) - distance[c]
             normal[c] = given[c]
             push[c] = given[c]
             numbers[c, 1] = distance[c]
             continue
-        ends = False
-        if feature[c] == EDGE:
-            along = _dot(offset, direction[c])
-            ends = along < extent[c, 0] or along > extent[c, 1]
-            for k in range(3):
-                offset[k] -= along * direction[c, k]
         size = np.sqrt(_dot(offset, offset))
         # A contact may turn by more than a right angle around a sharp edge before it is on the other side of it.
         signed = size if _dot(offset, given[c]) >= -0.5 * size else -size
@@ -132,11 +137,11 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         push[c] = normal[c]
         gap[c] = signed - distance[c]
         numbers[c, 1] = max(signed, 1e-3 * distance[c])
-        if ends or fraction[c] < -BEYOND or fraction[c] > 1.0 + BEYOND:
+        if fraction[c] < -BEYOND or fraction[c] > 1.0 + BEYOND:
             fraction[c] = min(max(fraction[c], -BEYOND), 1.0 + BEYOND)
             gap[c] = FAR
             continue
-        _directions(axes[j, 2], normal[c], direction[c], feature[c], is_free, slide[c], across[c])
+        _directions(axes[j, 2], normal[c], direction[c], kind, is_free, slide[c], across[c])
         if is_free:
             gap[c] -= _let_slide(axes, lengths[j], j, fraction[c], normal[c], slide[c], push[c], numbers[c])
     return gap, normal, push, slide, across, numbers

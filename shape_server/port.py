@@ -60,7 +60,7 @@ def port(system: System, state: State, path: ModuleType) -> Port:
     rod = system.rod
     clamp, last = int(rod.clamp_of_node[-1]), len(system.mesh.grasp_nodes) - 1
     if clamp < 0 or np.count_nonzero(system.row_grasp == last) != 3:
-        raise CablecosimError("a port is the clamp at the end of a cable that is held at another place too; add a grasp, or turn the cable round")
+        raise CablecosimError("a port is the clamp at the end of a cable that is held elsewhere too; add a grasp, or turn the cable round")
     state, view = path.look(rod, state, rod.touch.normal)
     carried, _, diagonal, upper = path.linear_system(rod, state, view)
     border = path.border_rows(rod, state, view, EXACT)
@@ -96,9 +96,7 @@ def _last_vertex(system: System, state: State, clamp: int, path: ModuleType) -> 
     law[1], bent[1] = elastic.law[-1], elastic.bent[-1]
     pair = elastic._replace(law=law[:2], bent=bent[:2], node_law=law, node_bent=bent)
     frames, free = np.stack([state.frames[-1], rod.clamp_frames[clamp]]), np.full(3, -1, dtype=np.int64)
-    gradient, diagonal, upper = path.assemble(
-        frames, np.zeros((2, 3, 3)), half, half, pair, free, np.zeros((0, 4)), np.zeros((2, 3))
-    )
+    gradient, diagonal, upper = path.assemble(frames, np.zeros((2, 3, 3)), half, half, pair, free, np.zeros((0, 4)), np.zeros((2, 3)))
     return gradient[1], diagonal[1], upper[0]
 
 

@@ -1,0 +1,230 @@
+"""Many cables at once: over the cores of a machine by processes, and over the lanes of one core's vector registers.
+
+`solve_many` and `SolverPool` take any problems, and answer each as `solve` does, to the bit. `FollowerBatch` takes cables that are clamped
+at both ends and follows their clamps, as `Follower` does for one cable, at a tenth of its time per cable.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from types import ModuleType, TracebackType
+from typing import Final, Self
+
+import numpy as np
+
+from protocol.errors import CablecosimError
+from protocol.kinds import Hold
+from protocol.messages import Problem, Shape
+from protocol.scene import Vector
+
+from . import effects, kernels
+from .descent import settle_or_relax
+from .equilibrium import WHY, Settled
+from .following import SHORT, STEPS
+from .lanes import LANES, follow_blocks
+from .mesh import even, stops
+from .refine import from_grasps
+from .rod import Rod
+from .solve import solve
+from .system import System
+from .task import Task
+
+CHUNKS: Final = 4  # for each worker, so that one with easy problems takes over from others
+Array = np.ndarray
+Done = Callable[[int, int], None]  # told how many problems are solved, and of how many
+
+
+def solve_many(
+    problems: Sequence[Problem],
+    gravity: Vector,
+    *,
+    tolerance: float = 1e-3,
+    extrapolate: bool = True,
+    margin: bool = False,
+    path: ModuleType = kernels,
+    workers: int | None = None,
+    progress: Done = lambda done, total: None,
+) -> list[Shape]:
+    """Shapes of many problems, in their order, each the same as from `solve`.
+
+    Processes are started and ended here, which takes about a second; keep a `SolverPool` for more than one sweep. As every program that
+    starts processes, a script that calls this needs `if __name__ == "__main__":` around its main part.
+
+    Args:
+        problems: Cables with their boundary conditions.
+        gravity: [m/s^2].
+        tolerance: [m] See `solve`.
+        extrapolate: See `solve`.
+        margin: See `solve`.
+        path: `numpy_path`, or the compiled `kernels`.
+        workers: Processes; one for each core unless given. With 1 all is done in this process.
+        progress: Told how many are solved, and of how many.
+
+    Raises:
+        CablecosimError: If a problem is wrong, or a worker ended before its time.
+    """
+    count = _cores() if workers is None else workers
+    if count == 1 or len(problems) < 2:
+        shapes = []
+        for problem in problems:
+            shapes.append(solve(problem, gravity, tolerance=tolerance, extrapolate=extrapolate, margin=margin, path=path))
+            progress(len(shapes), len(problems))
+        return shapes
+    with SolverPool(min(count, len(problems))) as pool:
+        return pool.solve_many(problems, gravity, tolerance=tolerance, extrapolate=extrapolate, margin=margin, path=path, progress=progress)
+
+
+class SolverPool:
+    """Processes that solve, kept from sweep to sweep: `with SolverPool() as pool: pool.solve_many(...)`."""
+
+    def __init__(self, workers: int | None = None) -> None:
+        """Processes start when there is work; one for each core unless their number is given."""
+        self._count = _cores() if workers is None else workers
+        if self._count < 1:
+            raise CablecosimError(f"workers: {self._count} must be 1 or more")
+        # Not forked: a fork of a process with threads of a BLAS or a compiler in it can hang.
+        self._executor = ProcessPoolExecutor(self._count, mp_context=get_context("spawn"))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._executor.shutdown(cancel_futures=True)
+
+    def solve_many(
+        self,
+        problems: Sequence[Problem],
+        gravity: Vector,
+        *,
+        tolerance: float = 1e-3,
+        extrapolate: bool = True,
+        margin: bool = False,
+        path: ModuleType = kernels,
+        progress: Done = lambda done, total: None,
+    ) -> list[Shape]:
+        """Shapes of many problems, as from the function of this name."""
+        size = max(1, math.ceil(len(problems) / (CHUNKS * self._count)))
+        shapes: dict[int, list[Shape]] = {}
+        try:
+            chunks: dict[Future[list[Shape]], int] = {
+                self._executor.submit(
+                    _solve_chunk, problems[first : first + size], gravity, tolerance, extrapolate, margin, path.__name__
+                ): first
+                for first in range(0, len(problems), size)
+            }
+            for chunk in as_completed(chunks):
+                shapes[chunks[chunk]] = chunk.result()
+                progress(sum(map(len, shapes.values())), len(problems))
+        except BrokenProcessPool as error:
+            raise CablecosimError(
+                "a worker process ended before it had solved its problems: out of memory, killed, or started by a script without "
+                "'if __name__ == \"__main__\":'; begin anew, with fewer workers if memory is short"
+            ) from error
+        return [shape for first in sorted(shapes) for shape in shapes[first]]
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _solve_chunk(problems: Sequence[Problem], gravity: Vector, tolerance: float, extrapolate: bool, margin: bool, path: str) -> list[Shape]:
+    implementation = importlib.import_module(path)
+    return [
+        solve(problem, gravity, tolerance=tolerance, extrapolate=extrapolate, margin=margin, path=implementation) for problem in problems
+    ]
+
+
+class FollowerBatch:
+    """The shapes of many cables, kept up with their clamps as these move by a little; a `Follower` of all of them."""
+
+    def __init__(self, problems: Sequence[Problem], gravity: Vector, *, segments: int = 40) -> None:
+        """Find the first shapes.
+
+        Args:
+            problems: Cables clamped at both ends, without contacts and stretch, with a start shape on any mesh if a branch is meant.
+            gravity: [m/s^2].
+            segments: Of every mesh.
+
+        Raises:
+            CablecosimError: If a problem cannot be followed, or has no first shape; names its number.
+        """
+        self._count = len(problems)
+        if not problems:
+            raise CablecosimError("problems: none given; a FollowerBatch needs one cable or more")
+        ready = [_first(number, problem, gravity, segments) for number, problem in enumerate(problems)]
+        ready += [ready[-1]] * (-len(ready) % LANES)  # the last lanes of the last block repeat a cable
+        rods, states = [system.rod for system, _ in ready], [found.state for _, found in ready]
+        self.s = np.array([system.mesh.s for system, _ in ready[: self._count]])  # (k, n) m
+        self.is_stable = np.ones(self._count, dtype=bool)  # (k,) whether the last equilibria are
+        self._vertex, self._lengths = _blocks([_vertices(rod) for rod in rods]), _blocks([rod.lengths for rod in rods])
+        self._weight = _blocks([np.cumsum(rod.loads[::-1], axis=0)[::-1][1:] for rod in rods])
+        pairs = zip(rods, states, strict=True)
+        self._frames = _blocks([np.vstack([rod.clamp_frames[0], state.frames, rod.clamp_frames[1]]) for rod, state in pairs])
+        self._force = _blocks([state.force for state in states])
+
+    def move(self, position: Array, quaternion: Array) -> Array:
+        """Nodes (k, n, 3) [m] after the clamps of all cables have moved to `position` (k, 2, 3) [m] and `quaternion` (k, 2, 4).
+
+        Raises:
+            CablecosimError: If Newton's method does not get there for one of them: move by less. All shapes are then as they were.
+        """
+        origin, chord = _spread(position[:, 0]), _spread(position[:, 1] - position[:, 0])
+        frames, force = self._frames.copy(), self._force.copy()
+        frames[:, 0], frames[:, -1] = _spread(quaternion[:, 0]), _spread(quaternion[:, 1])
+        nodes, verdict = follow_blocks(self._vertex, self._lengths, self._weight, origin, chord, frames, force, SHORT, STEPS)
+        lost = np.flatnonzero(verdict[: self._count] < 0)
+        if len(lost):
+            raise CablecosimError(f"the motion of cable {lost[0]} is too large to follow; move the grasps by less, or solve anew")
+        self._frames, self._force, self.is_stable = frames, force, verdict[: self._count] > 0
+        out: Array = nodes[: self._count]
+        return out
+
+
+def _first(number: int, problem: Problem, gravity: Vector, segments: int) -> tuple[System, Settled]:
+    """The equations of one cable of a batch, at rest."""
+    used, held, cable = effects.asked_for(problem, gravity), problem.grasps, problem.cable
+    is_clamped = held.hold == (Hold.CLAMP, Hold.CLAMP) and held.s[0] == 0.0 and held.s[1] == cable.length
+    if not is_clamped or problem.contacts is not None or "bending" not in used or "stretch" in used:
+        raise CablecosimError(
+            f"cable {number}: a FollowerBatch takes cables with 'bending', clamped at both ends, without stretch and contacts; "
+            "use a Follower for others"
+        )
+    task = Task(problem, gravity, 1.0, None, False, False, used, kernels, lambda iteration, residual: None)
+    system = task.system(even(stops(problem), held.s, segments))
+    if len(system.rod.lengths) != segments:
+        raise CablecosimError(f"cable {number}: its sections, masses and loads do not fit {segments} segments; ask for more")
+    if problem.start is None:
+        found = from_grasps(task, system)
+    else:
+        there, here = (0.5 * (s[1:] + s[:-1]) for s in (problem.start.s, system.mesh.s))
+        begin = system.start(kernels.interpolate_frames(there, np.array(problem.start.frames), here))
+        found = settle_or_relax(kernels, system.rod, begin, task.progress)
+    if not (found.is_converged and found.is_stable):
+        raise CablecosimError(f"cable {number}: no first shape to follow: {WHY[found.why]}")
+    return system, found
+
+
+def _vertices(rod: Rod) -> Array:
+    """(n, 7) Length, stiffness and natural curvature of the cell at every node; that of a clamp is half a segment."""
+    h, elastic = rod.lengths, rod.elastic
+    cells = 0.5 * np.concatenate([h[:1], h[1:] + h[:-1], h[-1:]])
+    law, bent = elastic.node_law.copy(), elastic.node_bent.copy()
+    law[[0, -1]], bent[[0, -1]] = elastic.law[[0, -1]], elastic.bent[[0, -1]]
+    return np.column_stack([cells, law, bent])
+
+
+def _blocks(of_cables: Sequence[Array]) -> Array:
+    """Arrays of all cables as (blocks, ..., LANES); their number is a multiple of `LANES`."""
+    together = np.array(of_cables)
+    return np.ascontiguousarray(np.moveaxis(together.reshape(-1, LANES, *together.shape[1:]), 1, -1))
+
+
+def _spread(of_cables: Array) -> Array:
+    """An array of the cables without those that fill up the last block, in blocks."""
+    return _blocks(np.concatenate([of_cables, np.repeat(of_cables[-1:], -len(of_cables) % LANES, axis=0)]))
