@@ -97,7 +97,7 @@ def cable_mistakes(cable: Cable) -> Iterator[tuple[str, str]]:
             yield (
                 key,
                 (
-                    f"{key}: from {section.start:g} to {section.end:g} m must begin after the section before it, at {reached:g} m or later, "
+                    f"{key}: from {section.start:g} to {section.end:g} m must begin after the one before it, at {reached:g} m or later, "
                     f"and end within the cable's {cable.length:g} m"
                 ),
             )

@@ -32,6 +32,7 @@ from numba import njit
 FACE, EDGE, VERTEX = 0, 1, 2
 PARALLEL = 0.02  # sine of the angle below which a segment counts as parallel to an edge
 BEYOND = 0.1  # of a segment, how far past its ends a row still holds
+SQUARE = 1e-3  # cosine between slide and tangent below which a contact does not slide
 FAR = 1.0  # m, gap of a row that another one has taken over from, on the next segment or edge
 
 
@@ -142,7 +143,8 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
             gap[c] = FAR
             continue
         _directions(axes[j, 2], normal[c], direction[c], kind, is_free, slide[c], across[c])
-        if is_free:
+        # In one plane with an edge that it crosses, a cable is square to the way in which it could slide.
+        if is_free and abs(_dot(slide[c], axes[j, 2])) > SQUARE:
             gap[c] -= _let_slide(axes, lengths[j], j, fraction[c], normal[c], slide[c], push[c], numbers[c])
     return gap, normal, push, slide, across, numbers
 

@@ -14,9 +14,9 @@ from protocol.scene import Vector
 from . import effects, kernels, pieces
 from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
+from .first_shape import from_grasps
 from .following import follow, follow_nested
 from .mesh import doubled, even, stops
-from .refine import from_grasps
 from .rod import State
 from .system import System
 from .task import Task

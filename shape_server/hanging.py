@@ -131,7 +131,11 @@ def _pieces(
     for end, tail in ((first, mesh.s <= s[first]), (last, mesh.s >= s[last])):
         below = np.abs(mesh.s[tail] - s[end])
         length = float(below.max())
-        down = below if problem.cable.stretch is None else below + (below * length - 0.5 * below**2) * np.linalg.norm(load) / problem.cable.stretch
+        down = (
+            below
+            if problem.cable.stretch is None
+            else below + (below * length - 0.5 * below**2) * np.linalg.norm(load) / problem.cable.stretch
+        )
         nodes[tail] = points[end] + np.outer(down, load / np.linalg.norm(load))
         tension[tail] = np.linalg.norm(load) * (length - below)
         forces[end] -= length * load

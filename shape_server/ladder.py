@@ -50,7 +50,11 @@ def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
         return Model.TAUT
     weight = cable.mass_per_length * float(np.linalg.norm(gravity))
     # The force at an end is no less than half the weight, so only a cable this soft is worth a catenary.
-    if not_built(problem, weight) or LAYER * math.sqrt(2 * cable.bending / (weight * cable.length)) > 10 * tolerance or chord > cable.length:
+    if (
+        not_built(problem, weight)
+        or LAYER * math.sqrt(2 * cable.bending / (weight * cable.length)) > 10 * tolerance
+        or chord > cable.length
+    ):
         return Model.ROD
     hanging = solve_hanging(problem, gravity, tolerance)
     is_soft = hanging.outcome is Outcome.CONVERGED and _layer(problem, hanging.grasp_forces) <= 0.5 * tolerance
@@ -153,7 +157,7 @@ def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: 
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "taut", time.perf_counter() - begun)
     mesh = even(stops(problem), grasps.s, SEGMENTS[0])
     try:
-        line = lay_taut(*grasps.position, cable.length, cable.mass_per_length * np.asarray(gravity), mesh.s)
+        line = lay_taut(grasps.position[0], grasps.position[1], cable.length, cable.mass_per_length * np.asarray(gravity), mesh.s)
     except ValueError as error:
         return no_shape(problem, used, Outcome.UNREACHABLE, str(error), "taut", time.perf_counter() - begun)
     sag = {name: line.error for name in ("bending" if cable.bending is not None else "gravity",)}
@@ -184,10 +188,11 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
         sentence = "the gradient cable hangs between clamps or hinges at its two ends, with weight and bending, and carries nothing else"
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "gradient", time.perf_counter() - begun)
     tangents = [_tangent(q) if hold is Hold.CLAMP else None for q, hold in zip(grasps.quaternion, grasps.hold, strict=True)]
+    ends = grasps.position
     for segments in SEGMENTS:
         mesh = even(stops(problem), grasps.s, segments)
         try:
-            laid = lay(*grasps.position, cable.length, load, cable.bending, cable.micro_length or 0.0, *tangents, mesh.s)
+            laid = lay(ends[0], ends[1], cable.length, load, cable.bending, cable.micro_length or 0.0, tangents[0], tangents[1], mesh.s)
         except NotCovered as error:
             return no_shape(problem, used, Outcome.UNSUPPORTED, str(error), "gradient", time.perf_counter() - begun)
         sag = float(np.abs(laid.curvature).max()) * float(mesh.lengths.max()) ** 2 / 8
@@ -205,7 +210,8 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
         curvature=np.abs(laid.curvature),
         wrenches=np.hstack([[laid.start_force, laid.end_force], moments]),
         contact_forces=np.zeros((0, 3)),
-        energy=_bending_energy(cable.bending, laid.curvature, mesh) - float(np.vdot(load, 0.5 * mesh.lengths @ (laid.nodes[1:] + laid.nodes[:-1]))),
+        energy=_bending_energy(cable.bending, laid.curvature, mesh)
+        - float(np.vdot(load, 0.5 * mesh.lengths @ (laid.nodes[1:] + laid.nodes[:-1]))),
         error=laid.error + sag,
         error_tension=laid.tension_error,
         left_out={},

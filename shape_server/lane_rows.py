@@ -7,7 +7,7 @@ from numba import njit
 
 @njit(cache=True)
 def place_nodes(origin, lengths, frames, nodes):  # type: ignore[no-untyped-def]
-    """Fill in the nodes (lanes, n, 3) [m] of cables that begin at `origin` (3, lanes) with the frames (n+1, 4, lanes), clamps among them."""
+    """Fill in the nodes (lanes, n, 3) [m] from `origin` (3, lanes) along the frames (n+1, 4, lanes) of clamps and segments."""
     for lane in range(nodes.shape[0]):
         for k in range(3):
             nodes[lane, 0, k] = origin[k, lane]

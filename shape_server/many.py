@@ -26,10 +26,10 @@ from protocol.scene import Vector
 from . import effects, kernels
 from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
+from .first_shape import from_grasps
 from .following import SHORT, STEPS
 from .lanes import LANES, follow_blocks
 from .mesh import even, stops
-from .refine import from_grasps
 from .rod import Rod
 from .solve import solve
 from .system import System
@@ -112,12 +112,10 @@ class SolverPool:
         size = max(1, math.ceil(len(problems) / (CHUNKS * self._count)))
         shapes: dict[int, list[Shape]] = {}
         try:
-            chunks: dict[Future[list[Shape]], int] = {
-                self._executor.submit(
-                    _solve_chunk, problems[first : first + size], gravity, tolerance, extrapolate, margin, path.__name__
-                ): first
-                for first in range(0, len(problems), size)
-            }
+            chunks: dict[Future[list[Shape]], int] = {}
+            for first in range(0, len(problems), size):
+                some = problems[first : first + size]
+                chunks[self._executor.submit(_solve_chunk, some, gravity, tolerance, extrapolate, margin, path.__name__)] = first
             for chunk in as_completed(chunks):
                 shapes[chunks[chunk]] = chunk.result()
                 progress(sum(map(len, shapes.values())), len(problems))

@@ -103,7 +103,7 @@ def factor_and_solve(diagonal: Array, upper: Array, right: Array) -> int:
             band[5 + r - c, c::3] = diagonal[:, r, c]
             band[5 + r - c - 3, c + 3 :: 3] = upper[:-1, r, c]
             band[5 + c + 3 - r, r : size - 3 : 3] = upper[:-1, r, c]
-    right[:] = solve_banded((5, 5), band, right.reshape(size, many)).reshape(count, 3, many)
+    right[:] = solve_banded((5, 5), band, right.reshape(size, many), check_finite=False).reshape(count, 3, many)
     _, failed = dpbtrf(band[5:], lower=1)
     negative = 0
     if failed:

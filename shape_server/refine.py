@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final
@@ -14,28 +13,22 @@ import numpy as np
 from protocol.kinds import Outcome
 from protocol.messages import Shape
 
-from . import branches, hinges
+from . import branches
 from .answer import Price, no_shape, rod_shape
 from .balance import balanced
-from .cold import PULL, curve_frames
-from .descent import relax, settle_or_relax
+from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
+from .first_shape import from_grasps
 from .mesh import LAYER_SHARE, Mesh, doubled, even, graded, halved, stops
 from .reading import Reading
 from .richardson import FLOOR, RATIO_LEAST, RATIO_MOST, SAFETY, apart, combined, transfer
-from .rod import Rod, State
-from .system import System
 from .task import Solution, Task
 
 COARSEST: Final = 24  # segments of the first mesh
 FINEST: Final = 12_000  # segments of the last one
 FINEST_TOUCHING: Final = 900  # with contacts, which every finer mesh multiplies
 ATTEMPTS: Final = 3  # at a first shape, each on twice as many segments: contacts may not fit into a coarse mesh
-GIVES: Final = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)  # shares of the compliance, on the way to the whole
 TURN_MOST: Final = 0.5  # rad between neighbouring segments
-PULLED: Final = 1e-6  # of the length; with less slack a cable that stretches starts straight
-SLIP: Final = 2.5  # rad of twist between the curve to start from and the shape; beyond, two in three were not the lowest
-SOFTER: Final = (1e3, 1e2, 1e1, 1.0)  # times the stiffness, on the way from a stiff cable to the one asked for
 
 
 def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
@@ -180,132 +173,3 @@ def _next(task: Task, last: Solution, mesh: Mesh) -> Solution:
         anew = from_grasps(task, system)
         found = anew._replace(iterations=anew.iterations + found.iterations)
     return Solution.of(task, system, found)
-
-
-def from_grasps(task: Task, system: System) -> Settled:
-    """The first shape, from nothing but the grasps: without contacts at first, so that these find the cable in one piece."""
-    curve = curve_frames(system.mesh, task.problem, np.asarray(task.gravity), task.path)
-    begin = system.start(curve)
-    begin = begin._replace(force=np.zeros_like(begin.force), push=np.zeros_like(begin.push), touches=np.zeros_like(begin.touches))
-    if not len(system.rod.touch.contact):
-        return _hanging(task, system, begin)
-    empty = system.rod.touch._replace(**{name: column[:0] for name, column in system.rod.touch._asdict().items()})
-    free = replace(system, rod=system.rod._replace(touch=empty), push=np.zeros(0), fraction=np.zeros(0))
-    bare = begin._replace(push=np.zeros(0), touches=np.zeros(0, dtype=bool), fraction=np.zeros(0))
-    hanging = _hanging(task, free, bare)
-    state = begin._replace(frames=hanging.state.frames, force=hanging.state.force, holds=hanging.state.holds)
-    after = settle_or_relax(task.path, system.rod, state, task.progress)
-    return after._replace(iterations=after.iterations + hanging.iterations)
-
-
-def _hanging(task: Task, system: System, begin: State) -> Settled:
-    """Relax without stretch first; then let it stretch. What is pulled beyond its length starts straight and pulled."""
-    if len(system.rod.give) and _is_pulled(task):
-        return _stretched(task, system, begin._replace(force=_pulls(task, system)))
-    rigid = replace(system, rod=system.rod._replace(give=np.zeros(0)))
-    found = _relaxed(task, rigid, begin)
-    if not len(system.rod.give) or not found.is_converged:
-        return found
-    stretched = settle_or_relax(task.path, system.rod, State(*found.state), task.progress)
-    return stretched._replace(iterations=stretched.iterations + found.iterations)
-
-
-def _stretched(task: Task, system: System, begin: State) -> Settled:
-    """Settle from a straight pulled start, by way of a cable that gives less if need be."""
-    spent = 0
-    for shares in ((1.0,), GIVES):
-        state = begin
-        for share in shares:
-            rod = system.rod._replace(give=share * system.rod.give)
-            found = Settled(*task.path.settle(rod, state, 0.0))
-            spent += found.iterations
-            if not found.is_converged:
-                break
-            state = State(*found.state)
-        if found.is_converged and found.is_stable:
-            break
-    return found._replace(iterations=spent)
-
-
-def _is_pulled(task: Task) -> bool:
-    """Whether held points are as far apart as the cable between them, or further."""
-    grasps = task.problem.grasps
-    chords = np.linalg.norm(np.diff(grasps.position, axis=0), axis=1)
-    return bool((chords > np.diff(grasps.s) * (1 - PULLED)).any())
-
-
-def _pulls(task: Task, system: System) -> np.ndarray:
-    """Forces of the rows (h,) [N] that pull every span straight to its chord, and a slack one with its weight."""
-    grasps, mesh, give = task.problem.grasps, system.mesh, system.rod.give
-    out = np.zeros((len(grasps.s), 3))
-    for k, (first, last) in enumerate(pairwise(mesh.grasp_nodes.tolist())):
-        chord = grasps.position[k + 1] - grasps.position[k]
-        size, span = float(np.linalg.norm(chord)), float(mesh.s[last] - mesh.s[first])
-        pull = max((size - span) / float(give[first:last].sum()), system.rod.weight) * chord / max(size, 1e-300)
-        out[k] -= pull
-        out[k + 1] += pull
-    rows = system.row_grasp
-    return np.einsum("ij,ij->i", system.rod.held.axis, out[rows]) * (rows >= 0)
-
-
-def _relaxed(task: Task, system: System, begin: State) -> Settled:
-    """The first of several ways to a stable shape, or of all ways the lowest, if the first slips by whole turns of twist.
-
-    A soft cable can shed or gain twist by looping over itself on the way, and rest there (by 4 pi, for frames at both ends).
-    """
-    expected, spent = _twist(task, system, begin), 0
-    best: Settled | None = None
-    for way in _ways(task, system):
-        found = way(begin)
-        spent += found.iterations
-        if found.is_converged and found.is_stable:
-            best = found if best is None or _energy(task, system, found) < _energy(task, system, best) else best
-            if abs(_twist(task, system, found.state) - expected) < SLIP:
-                break
-    return (best if best is not None else found)._replace(iterations=spent)
-
-
-def _ways(task: Task, system: System) -> Iterator[Callable[[State], Settled]]:
-    """Ways from a state to a shape: the likelier to succeed first."""
-    rod, on_hinges = system.rod, hinges.count(task.problem)
-
-    def plainly(begin: State) -> Settled:
-        return relax(task.path, rod, begin, task.progress)
-
-    def on_another_curve(begin: State) -> Settled:
-        curve = curve_frames(system.mesh, task.problem, np.asarray(task.gravity), task.path, 0.5 * PULL)
-        return plainly(begin._replace(frames=curve))
-
-    def beside(begin: State) -> Settled:
-        return plainly(begin._replace(frames=task.path.retract(begin.frames, task.path.kick(rod))))
-
-    def by_stiffer(begin: State) -> Settled:
-        return _by_stiffer_cables(task, rod, begin)
-
-    def by_pieces(begin: State) -> Settled:
-        return hinges.let_go(task, system, from_grasps)
-
-    yield from (by_pieces, plainly) if on_hinges > hinges.MANY else (plainly, by_pieces) if on_hinges else (plainly,)
-    yield on_another_curve
-    yield beside
-    yield by_stiffer
-
-
-def _by_stiffer_cables(task: Task, rod: Rod, state: State) -> Settled:
-    """Relax a cable that is a thousand times stiffer, which knows no loops, then softer ones, each from the one before."""
-    spent = 0
-    for factor in SOFTER:
-        law, node_law = factor * rod.elastic.law, factor * rod.elastic.node_law
-        stiffer = rod._replace(elastic=rod.elastic._replace(law=law, node_law=node_law), stiffest=factor * rod.stiffest)
-        found = relax(task.path, stiffer, state, task.progress)
-        spent += found.iterations
-        state = State(*found.state)
-    return found._replace(iterations=spent)
-
-
-def _twist(task: Task, system: System, state: State) -> float:
-    return float(task.path.twist_of(system.rod, state))
-
-
-def _energy(task: Task, system: System, found: Settled) -> float:
-    return float(task.path.energy(system.rod, found.state, found.seen))

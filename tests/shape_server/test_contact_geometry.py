@@ -145,3 +145,13 @@ def test_gap_and_force_change_without_a_jump_as_an_edge_passes_under_every_node(
         forces.append(view.push[int(np.argmin(view.gap))])
     assert np.abs(np.diff(gaps)).max() < 2e-4  # measured 1e-4 m
     assert np.linalg.norm(np.diff(forces, axis=0), axis=1).max() < 0.02  # measured 0.0024
+
+
+@pytest.mark.parametrize("past", [-1e-3, -1e-7, 1e-7, 1e-3, 0.02])
+def test_past_its_end_an_edge_is_the_point_where_it_ends(past: float) -> None:
+    """Straight along x, 6 mm over an edge across that ends `past` short of the cable: the gap grows by the distance to its end alone."""
+    at, height = np.array([0.3, 0.0, -RADIUS - 6e-3]), RADIUS + 6e-3
+    row = Row(s=0.3, point=at, normal=(0.0, 0.0, 1.0), direction=(0.0, 1.0, 0.0), feature=Feature.EDGE, extent=(-1.0, -past))
+    rod = build(Problem(cable=cable(), grasps=span(1 - 1e-9), contacts=contacts(row)), (0.0, 0.0, 0.0), SEGMENTS)
+    _, view = look(rod, state_of(rod, np.tile(ALONG_X, (SEGMENTS, 1))))
+    assert view.gap.min() == pytest.approx(np.hypot(height, max(past, 0.0)) - RADIUS, abs=1e-12)

@@ -49,7 +49,12 @@ def test_the_cheapest_model_that_keeps_the_tolerance_is_taken(rod: Cable, chord:
 
 @pytest.mark.parametrize(
     ("rod", "model", "chord"),
-    [(cable(bending=1e-3), Model.GRADIENT, 0.97), (SOFT, Model.CATENARY, 0.6), (cable(bending=1e-4), Model.CATENARY, 0.6), (cable(), Model.TAUT, 0.9)],
+    [
+        (cable(bending=1e-3), Model.GRADIENT, 0.97),
+        (SOFT, Model.CATENARY, 0.6),
+        (cable(bending=1e-4), Model.CATENARY, 0.6),
+        (cable(), Model.TAUT, 0.9),
+    ],
 )
 def test_what_a_cheaper_model_leaves_out_is_no_more_than_it_says(rod: Cable, model: Model, chord: float) -> None:
     cheap, exact = asked(rod, model, chord=chord), asked(rod, Model.ROD, chord=chord, tolerance=1e-5)

@@ -55,7 +55,9 @@ def test_a_cut_cable_keeps_its_balance_and_its_forces() -> None:
 
 
 def test_every_part_of_a_problem_goes_to_the_piece_where_it_is() -> None:
-    whole = Cable("c", 1.0, 0.01, 0.1, 0.01, 0.008, sections=(Section(0.3, 0.6, bending=0.02),), masses=(LumpedMass(0.2, 1.0), LumpedMass(0.9, 2.0)))
+    whole = Cable(
+        "c", 1.0, 0.01, 0.1, 0.01, 0.008, sections=(Section(0.3, 0.6, bending=0.02),), masses=(LumpedMass(0.2, 1.0), LumpedMass(0.9, 2.0))
+    )
     touched = contacts(Row(s=0.1, point=(0.0, 0, -1)), Row(s=0.7, point=(0.5, 0, -1)))
     loads = PointLoads(s=np.array([0.3, 0.8]), force=np.eye(3)[:2])
     first, second = pieces.split(three_clamps(cable=whole, contacts=touched, loads=loads, turns=(1, -2)), GRAVITY)

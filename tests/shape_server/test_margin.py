@@ -21,7 +21,9 @@ def test_the_margin_is_the_smallest_eigenvalue_on_what_the_rows_leave_free(seed:
     problem = random_spans(1, 1e-2, seed)[0]
     system = build(problem, GRAVITY, 24)
     frames = solve(problem, GRAVITY, path=KERNELS).frames
-    found = relax(numpy_path, system.rod, system.start(numpy_path.interpolate_frames(*spread(frames), middles(system.mesh.s))), print_nothing)
+    found = relax(
+        numpy_path, system.rod, system.start(numpy_path.interpolate_frames(*spread(frames), middles(system.mesh.s))), print_nothing
+    )
     value, mode = path.smallest_stiffness(system.rod, found.state, found.seen)
     matrices = model(system, found.state)
     free = null_space(matrices.columns.T)

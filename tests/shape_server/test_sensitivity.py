@@ -98,6 +98,6 @@ def test_what_it_is_not_built_for_is_refused() -> None:
     shape = settled(span())
     with pytest.raises(CablecosimError, match="without contacts"):
         sensitivities(Problem(cable=cable(), grasps=span(), contacts=contacts(Row(s=0.5, point=(0.3, 0.0, -1.0)))), GRAVITY, shape)
+    problem = random_spans(1, 1e-2, 3)[0]
     with pytest.raises(CablecosimError, match="no stable equilibrium"):
-        problem = random_spans(1, 1e-2, 3)[0]
         sensitivities(problem, GRAVITY, msgspec.structs.replace(shape, frames=shape.frames[::-1].copy()))

@@ -49,7 +49,8 @@ def linear_density(cable: Cable, s: np.ndarray) -> np.ndarray:
 def unbalanced(problem: Problem, shape: Shape) -> tuple[float, float]:
     """Sum of all forces, and of their moments about the origin, over the largest force and that times length.
 
-    A rod that carries nothing is measured by EI / L^2. Weight, masses and point loads act where the answer puts them, a grasp where the answer puts its arc length.
+    A rod that carries nothing is measured by EI / L^2. Weight, masses and point loads act where the answer puts
+    them, a grasp where the answer puts its arc length.
     """
     rod, middle = problem.cable, (shape.s[1:] + shape.s[:-1]) / 2
     down = np.array([0.0, 0.0, -G])
@@ -58,7 +59,9 @@ def unbalanced(problem: Problem, shape: Shape) -> tuple[float, float]:
         (place(shape, problem.grasps.s), shape.grasp_wrenches[:, :3]),
     ]
     if rod.masses:
-        rows.append((place(shape, np.array([mass.at for mass in rod.masses])), np.array([mass.mass for mass in rod.masses])[:, None] * down))
+        rows.append(
+            (place(shape, np.array([mass.at for mass in rod.masses])), np.array([mass.mass for mass in rod.masses])[:, None] * down)
+        )
     if problem.loads is not None:
         rows.append((place(shape, problem.loads.s), problem.loads.force))
     points, forces = (np.concatenate(column) for column in zip(*rows, strict=True))

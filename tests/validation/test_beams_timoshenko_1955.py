@@ -40,7 +40,7 @@ def guided(s: float = 1.0, height: float = 0.0) -> Grasps:
     return grasps((0.0, ORIGIN, ALONG, Hold.CLAMP), (s, (s, 0.0, height), ALONG, Hold.GUIDE))
 
 
-def jumping(jump: float):  # noqa: ANN201  # a cable
+def jumping(jump: float):  # a cable
     return replace(BEAM, sections=(Section(start=JOINT, end=1.0, bending=jump, twist=jump),))
 
 

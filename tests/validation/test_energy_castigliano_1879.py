@@ -3,9 +3,9 @@
 Source: Castigliano 1879, "Theorie de l'equilibre des systemes elastiques", part I, ch. I; Love 1944, "A treatise on the mathematical theory
 of elasticity", 4th ed., sec. 121.
 
-Claim: d(energy) / d(end) is the force of the grasp on the cable, and d(energy) / d(turn of the end) its moment, for bending, stretch, twist, two
-axes, natural curvature, sections, masses and point loads alike. The energy and the forces come out of different sums. The derivative is a
-central difference over +-h with the tolerance asked for far below h; the theorem itself is checked on a spring in closed form.
+Claim: d(energy) / d(end) is the force of the grasp on the cable, and d(energy) / d(turn of the end) its moment, for bending, stretch,
+twist, two axes, natural curvature, sections, masses and point loads alike. The energy and the forces come out of different sums. The
+derivative is a central difference over +-h with the tolerance asked for far below h; the difference is checked on a spring.
 """
 
 from __future__ import annotations

@@ -27,7 +27,9 @@ LEVEL = frame((1.0, 0.0, 0.0))
 LOADS = tuple(10.0**power for power in range(-2, 7))  # w L^3 / EI
 ENDS = ((0.7, 0.1), (0.9, 0.0), (0.3, -0.2))  # m, x and z
 PLANE = {(Hold.CLAMP, (0.7, 0.1)): 10.0, (Hold.CLAMP, (0.3, -0.2)): 100.0}  # from which load on the shape found is plane
-CASES = tuple((load, hold, end) for hold in (Hold.CLAMP, Hold.HINGE) for end in ENDS for load in LOADS if load >= PLANE.get((hold, end), 0.0))
+CASES = tuple(
+    (load, hold, end) for hold in (Hold.CLAMP, Hold.HINGE) for end in ENDS for load in LOADS if load >= PLANE.get((hold, end), 0.0)
+)
 
 each_case = pytest.mark.parametrize(("load", "hold", "end"), CASES)
 
@@ -53,7 +55,7 @@ def slopes(shape: Shape) -> np.ndarray:
 
 
 @cache
-def reference(load: float, hold: Hold, end: tuple[float, float]):  # noqa: ANN201  # scipy's PPoly and two numbers
+def reference(load: float, hold: Hold, end: tuple[float, float]):  # scipy's PPoly and two numbers
     """States x, z, slope and moment over EI, by s, and the force (2,) at s = 0 over w L, on the branch of the answer."""
     shape = found(load, hold, end, 1e-3)
     angle = np.round(slopes(shape), 2)

@@ -1,7 +1,8 @@
 """Rods that bend about two axes, are bent before they are loaded, and are twisted: Love 1944.
 
-Source: Love 1944, "A treatise on the mathematical theory of elasticity", 4th ed., secs. 253 to 264 and 270; Kirchhoff 1859, Journal fuer die
-reine und angewandte Mathematik 56, 285-313 (helices); Saint-Venant 1855, "De la torsion des prismes", Memoires des savants etrangers 14.
+Source: Love 1944, "A treatise on the mathematical theory of elasticity", 4th ed., secs. 253 to 264 and 270; Kirchhoff 1859, Journal fuer
+die reine und angewandte Mathematik 56, 285-313 (helices); Saint-Venant 1855, "De la torsion des prismes", Memoires des
+savants etrangers 14.
 
 Claims, with EI_1 about d1 and EI_2 about d2 of the section:
 - a small force F at the tip of a cantilever moves it by L^3 / 3 (F.d2 d2 / EI_1 + F.d1 d1 / EI_2), not along the force; large forces

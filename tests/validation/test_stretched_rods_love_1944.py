@@ -110,7 +110,7 @@ CASES = {
 }
 
 
-def reference(case: Case):  # noqa: ANN201  # scipy's PPoly and two numbers
+def reference(case: Case):  # scipy's PPoly and two numbers
     """States x, z, slope, curvature by s, and the force (2,) [N] at s = 0."""
     unit, load, stiff = case.bending, 1 / case.bending, case.stretch / case.bending
     tension = max(case.stretch * (np.hypot(*case.end) - 1), 0.3)
