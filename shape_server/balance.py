@@ -14,11 +14,14 @@ from protocol.kinds import Hold
 from protocol.messages import Problem
 
 
-def balanced(problem: Problem, nodes: np.ndarray, loads: np.ndarray, wrenches: np.ndarray, contact_forces: np.ndarray) -> np.ndarray:
+def balanced(
+    problem: Problem, held: np.ndarray, nodes: np.ndarray, loads: np.ndarray, wrenches: np.ndarray, contact_forces: np.ndarray
+) -> np.ndarray:
     """The wrenches (g, 6) [N and N m] after the smallest change that balances them.
 
     Args:
-        problem: Where and how the cable is held.
+        problem: How the cable is held.
+        held: (g, 3) [m] Held points, where a guide has let them slide to.
         nodes: (n, 3) [m].
         loads: (n, 3) [N] on the nodes.
         wrenches: (g, 6) forces and moments at the grasps.
@@ -29,8 +32,8 @@ def balanced(problem: Problem, nodes: np.ndarray, loads: np.ndarray, wrenches: n
     out[:, :3] -= (loads.sum(axis=0) + out[:, :3].sum(axis=0) + contact_forces.sum(axis=0)) / len(out)
     if len(contact_forces):
         return out
-    arms = grasps.position - grasps.position.mean(axis=0)
-    moment = out[:, 3:].sum(axis=0) + np.cross(grasps.position, out[:, :3]).sum(axis=0) + np.cross(nodes, loads).sum(axis=0)
+    arms = held - held.mean(axis=0)
+    moment = out[:, 3:].sum(axis=0) + np.cross(held, out[:, :3]).sum(axis=0) + np.cross(nodes, loads).sum(axis=0)
     framed = np.array([hold is not Hold.HINGE for hold in grasps.hold])
     columns = [_cross(arm) / length for arm in arms] + [np.eye(3)] * int(framed.sum())
     # Forces change by amounts that add up to nothing: their arms count from the middle of all grasps.
@@ -38,7 +41,7 @@ def balanced(problem: Problem, nodes: np.ndarray, loads: np.ndarray, wrenches: n
     force = change[: len(out)] - change[: len(out)].mean(axis=0)
     out[:, :3] += force
     out[framed, 3:] += length * change[len(out) :]
-    left = out[:, 3:].sum(axis=0) + np.cross(grasps.position, out[:, :3]).sum(axis=0) + np.cross(nodes, loads).sum(axis=0)
+    left = out[:, 3:].sum(axis=0) + np.cross(held, out[:, :3]).sum(axis=0) + np.cross(nodes, loads).sum(axis=0)
     if framed.any():
         out[framed, 3:] -= left / framed.sum()
     return out

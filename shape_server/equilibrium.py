@@ -24,6 +24,7 @@ from .rod import State, View, energy, is_active, look
 TURN_DONE = 2e-4  # rad; a Newton step this long leaves an error of about its square
 TURN_EXACT = 1e-9  # rad
 TURN_MAX = 0.6  # rad, of any segment in one step
+SHORTENS = 0.3  # from one Newton step to the next, when it converges
 WARM_STEPS = 15
 RELAX_STEPS = 400
 NEAR = 0.05  # rad; a Newton step this long leaves an error of a few thousandths
@@ -84,7 +85,7 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
     """
     only_near = near > 0.0
     state, view = look(rod, state, rod.touch.normal)
-    is_stable, unbalanced = False, np.inf
+    is_stable, unbalanced, last = False, np.inf, np.inf
     most, shift = (NEAR_STEPS, 0.0) if only_near else (WARM_STEPS, NEUTRAL * rod.stiffest / rod.length**2)
     for iteration in range(1, most + 1):
         step = newton_step(rod, state, view, EXACT, shift)
@@ -101,7 +102,10 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
             continue
         miss = _worst_miss(rod, state, view)
         # Close to the answer a neutral direction may still look unstable: an unstable verdict is given at the answer itself.
-        turn_done = TURN_DONE if is_stable else TURN_EXACT
+        # Steps that hardly shorten go along a direction with next to no stiffness, where a short one is not near the end.
+        shortens = iteration == 1 or longest < SHORTENS * last
+        last = longest
+        turn_done = TURN_DONE if is_stable and shortens else TURN_EXACT
         if scale == 1.0 and longest < turn_done and miss < MISS_DONE * rod.length:
             return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE)
         # Where several edges meet, contacts may go on taking turns without moving the cable any more.

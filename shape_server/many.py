@@ -9,12 +9,11 @@ from __future__ import annotations
 import importlib
 import math
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import get_context
+from multiprocessing.connection import wait
 from types import ModuleType, TracebackType
-from typing import Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 
@@ -28,12 +27,19 @@ from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
 from .first_shape import from_grasps
 from .following import SHORT, STEPS
-from .lanes import LANES, follow_blocks
+from .lane_rows import LANES
+from .lanes import follow_lanes
 from .mesh import even, stops
 from .rod import Rod
 from .solve import solve
 from .system import System
 from .task import Task
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.context import SpawnProcess
+
+    Pipe = Connection[Any, Any]
 
 CHUNKS: Final = 4  # for each worker, so that one with easy problems takes over from others
 Array = np.ndarray
@@ -81,21 +87,39 @@ def solve_many(
 
 
 class SolverPool:
-    """Processes that solve, kept from sweep to sweep: `with SolverPool() as pool: pool.solve_many(...)`."""
+    """Processes that solve, kept from sweep to sweep: `with SolverPool() as pool: pool.solve_many(...)`.
+
+    Every worker has a pipe of its own, so that one that dies, even in the middle of an answer, is seen at once.
+    """
 
     def __init__(self, workers: int | None = None) -> None:
-        """Processes start when there is work; one for each core unless their number is given."""
-        self._count = _cores() if workers is None else workers
-        if self._count < 1:
-            raise CablecosimError(f"workers: {self._count} must be 1 or more")
-        # Not forked: a fork of a process with threads of a BLAS or a compiler in it can hang.
-        self._executor = ProcessPoolExecutor(self._count, mp_context=get_context("spawn"))
+        """Start the processes, one for each core unless their number is given."""
+        count = _cores() if workers is None else workers
+        if count < 1:
+            raise CablecosimError(f"workers: {count} must be 1 or more")
+        # Not forked: a fork of a process with the threads of a BLAS in it can hang.
+        context = get_context("spawn")
+        self._workers: list[tuple[SpawnProcess, Pipe]] = []
+        for _ in range(count):
+            ours, theirs = context.Pipe()
+            process = context.Process(target=_work, args=(theirs,), daemon=True)
+            process.start()
+            theirs.close()  # or the end of the worker would not end its pipe
+            self._workers.append((process, ours))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._executor.shutdown(cancel_futures=True)
+        self.close()
+
+    def close(self) -> None:
+        """End the processes."""
+        for process, pipe in self._workers:
+            pipe.close()
+            process.terminate()
+            process.join()
+        self._workers = []
 
     def solve_many(
         self,
@@ -108,34 +132,62 @@ class SolverPool:
         path: ModuleType = kernels,
         progress: Done = lambda done, total: None,
     ) -> list[Shape]:
-        """Shapes of many problems, as from the function of this name."""
-        size = max(1, math.ceil(len(problems) / (CHUNKS * self._count)))
+        """Shapes of many problems, as from the function of this name; after an error the pool is closed."""
+        if not self._workers:
+            raise CablecosimError("the pool is closed; make another SolverPool")
+        size = max(1, math.ceil(len(problems) / (CHUNKS * len(self._workers))))
+        options = {"tolerance": tolerance, "extrapolate": extrapolate, "margin": margin}
+        chunks = [(first, (problems[first : first + size], gravity, options, path.__name__)) for first in range(0, len(problems), size)]
         shapes: dict[int, list[Shape]] = {}
         try:
-            chunks: dict[Future[list[Shape]], int] = {}
-            for first in range(0, len(problems), size):
-                some = problems[first : first + size]
-                chunks[self._executor.submit(_solve_chunk, some, gravity, tolerance, extrapolate, margin, path.__name__)] = first
-            for chunk in as_completed(chunks):
-                shapes[chunks[chunk]] = chunk.result()
+            for first, answer in self._answers(chunks):
+                shapes[first] = answer
                 progress(sum(map(len, shapes.values())), len(problems))
-        except BrokenProcessPool as error:
+        except (EOFError, OSError) as error:
+            self.close()
             raise CablecosimError(
                 "a worker process ended before it had solved its problems: out of memory, killed, or started by a script without "
                 "'if __name__ == \"__main__\":'; begin anew, with fewer workers if memory is short"
             ) from error
+        except BaseException:
+            self.close()  # what its workers still answer would be taken for the next sweep's
+            raise
         return [shape for first in sorted(shapes) for shape in shapes[first]]
+
+    def _answers(self, chunks: list[tuple[int, Any]]) -> Iterator[tuple[int, list[Shape]]]:
+        """Chunks by their first number as they are solved, every worker with one in hand."""
+        idle, left = [pipe for _, pipe in self._workers], chunks[::-1]
+        busy: dict[Pipe, int] = {}
+        while busy or left:
+            while idle and left:
+                pipe, (first, chunk) = idle.pop(), left.pop()
+                pipe.send(chunk)
+                busy[pipe] = first
+            ready = wait(list(busy))
+            for pipe in [pipe for pipe in busy if pipe in ready]:
+                answer = pipe.recv()
+                if isinstance(answer, CablecosimError):
+                    raise answer
+                idle.append(pipe)
+                yield busy.pop(pipe), answer
+
+
+def _work(pipe: Pipe) -> None:
+    """What a worker does: chunks of problems in, lists of shapes out, until the pipe ends."""
+    try:
+        while True:
+            problems, gravity, options, path = pipe.recv()
+            implementation = importlib.import_module(path)
+            try:
+                pipe.send([solve(problem, gravity, path=implementation, **options) for problem in problems])
+            except CablecosimError as error:
+                pipe.send(error)
+    except (EOFError, OSError, KeyboardInterrupt):
+        return
 
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _solve_chunk(problems: Sequence[Problem], gravity: Vector, tolerance: float, extrapolate: bool, margin: bool, path: str) -> list[Shape]:
-    implementation = importlib.import_module(path)
-    return [
-        solve(problem, gravity, tolerance=tolerance, extrapolate=extrapolate, margin=margin, path=implementation) for problem in problems
-    ]
 
 
 class FollowerBatch:
@@ -160,7 +212,7 @@ class FollowerBatch:
         rods, states = [system.rod for system, _ in ready], [found.state for _, found in ready]
         self.s = np.array([system.mesh.s for system, _ in ready[: self._count]])  # (k, n) m
         self.is_stable = np.ones(self._count, dtype=bool)  # (k,) whether the last equilibria are
-        self._vertex, self._lengths = _blocks([_vertices(rod) for rod in rods]), _blocks([rod.lengths for rod in rods])
+        self._vertex, self._lengths = _blocks([_vertices(rod) for rod in rods]), _blocks([rod.lengths[:, None] for rod in rods])
         self._weight = _blocks([np.cumsum(rod.loads[::-1], axis=0)[::-1][1:] for rod in rods])
         pairs = zip(rods, states, strict=True)
         self._frames = _blocks([np.vstack([rod.clamp_frames[0], state.frames, rod.clamp_frames[1]]) for rod, state in pairs])
@@ -175,7 +227,7 @@ class FollowerBatch:
         origin, chord = _spread(position[:, 0]), _spread(position[:, 1] - position[:, 0])
         frames, force = self._frames.copy(), self._force.copy()
         frames[:, 0], frames[:, -1] = _spread(quaternion[:, 0]), _spread(quaternion[:, 1])
-        nodes, verdict = follow_blocks(self._vertex, self._lengths, self._weight, origin, chord, frames, force, SHORT, STEPS)
+        nodes, verdict = follow_lanes(self._vertex, self._lengths, self._weight, origin, chord, frames, force, SHORT, STEPS)
         lost = np.flatnonzero(verdict[: self._count] < 0)
         if len(lost):
             raise CablecosimError(f"the motion of cable {lost[0]} is too large to follow; move the grasps by less, or solve anew")
@@ -217,10 +269,10 @@ def _vertices(rod: Rod) -> Array:
     return np.column_stack([cells, law, bent])
 
 
-def _blocks(of_cables: Sequence[Array]) -> Array:
-    """Arrays of all cables as (blocks, ..., LANES); their number is a multiple of `LANES`."""
-    together = np.array(of_cables)
-    return np.ascontiguousarray(np.moveaxis(together.reshape(-1, LANES, *together.shape[1:]), 1, -1))
+def _blocks(of_cables: Sequence[Array] | Array) -> Array:
+    """Arrays (..., c) of all cables as (blocks, ..., c LANES), cables in line; their number is a multiple of `LANES`."""
+    together = np.moveaxis(np.reshape(of_cables, (-1, LANES, *of_cables[0].shape)), 1, -1)
+    return np.ascontiguousarray(together.reshape(*together.shape[:-2], -1))
 
 
 def _spread(of_cables: Array) -> Array:

@@ -99,6 +99,7 @@ def join(problem: Problem, shapes: list[Shape]) -> Shape:
         grasp_wrenches=wrenches,
         contact_forces=contact_forces,
         contact_s=contact_s,
+        effects=tuple(dict.fromkeys(name for shape in shapes for name in shape.effects)),
         sentence=f"{len(shapes)} pieces between clamps; {'; '.join(sentences)}",
         error=_worst(max, [shape.error for shape in shapes]),
         error_tension=_worst(max, [shape.error_tension for shape in shapes]),

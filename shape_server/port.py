@@ -88,16 +88,17 @@ def port(system: System, state: State, path: ModuleType) -> Port:
 def _last_vertex(system: System, state: State, clamp: int, path: ModuleType) -> tuple[Array, Array, Array]:
     """Gradient (3,) and Hessian (3, 3) with the turn of the last clamp, and the block (3, 3) between the last segment and it.
 
-    Found as if the clamp were one more segment, at the end of half a cell; turns are in the axes of the frames.
+    Found with the parts of clamp and segment exchanged; turns are in the axes of the frames. A turn theta of the segment is one of the
+    clamp by -Q^T theta, Q from one to the other, which is made before its own and hence brings a half of the product of both turns.
     """
     rod, elastic = system.rod, system.rod.elastic
-    half = np.full(2, 0.5 * rod.lengths[-1])
-    law, bent = np.zeros((3, 3)), np.zeros((3, 3))
-    law[1], bent[1] = elastic.law[-1], elastic.bent[-1]
-    pair = elastic._replace(law=law[:2], bent=bent[:2], node_law=law, node_bent=bent)
-    frames, free = np.stack([state.frames[-1], rod.clamp_frames[clamp]]), np.full(3, -1, dtype=np.int64)
-    gradient, diagonal, upper = path.assemble(frames, np.zeros((2, 3, 3)), half, half, pair, free, np.zeros((0, 4)), np.zeros((2, 3)))
-    return gradient[1], diagonal[1], upper[0]
+    both = np.concatenate([elastic.law[-1:]] * 2), np.concatenate([elastic.bent[-1:]] * 2)
+    single = elastic._replace(law=both[0][:1], bent=both[1][:1], node_law=both[0], node_bent=both[1])
+    held, own = np.array([0, -1]), rod.clamp_frames[clamp : clamp + 1]
+    length, none = rod.lengths[-1:], np.zeros((1, 3))
+    gradient, diagonal, _ = path.assemble(own, np.zeros((1, 3, 3)), length, length, single, held, state.frames[-1:], none)
+    to_segment = (Rotation.from_quat(state.frames[-1]).inv() * Rotation.from_quat(own[0])).as_matrix()
+    return gradient[0], diagonal[0], to_segment @ (0.5 * np.cross(np.eye(3), gradient[0]) - diagonal[0])
 
 
 def _turned(stiffness: Array, force: Array, quaternion: Array) -> Port:

@@ -45,7 +45,7 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
-    wrenches = balanced(problem, view.nodes, rod.loads, wrenches, contact_forces)
+    wrenches = balanced(problem, view.nodes[system.mesh.grasp_nodes], view.nodes, rod.loads, wrenches, contact_forces)
     energy = float(path.energy(rod, state, view))
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())

@@ -105,11 +105,12 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
         return last.reading, plain
     if task.budget is None and plain.error <= task.tolerance:
         return last.reading, plain
-    if not is_regular:
+    if not is_regular or len(before.system.mesh.s) != 2 * len(levels[-3].system.mesh.s) - 1:
         return last.reading, plain
     finer, coarser = combined(before, last), combined(levels[-3], before)
     loads = last.system.rod.loads
-    finer = replace(finer, wrenches=balanced(task.problem, finer.nodes, loads, finer.wrenches, finer.contact_forces))
+    held = finer.nodes[last.system.mesh.grasp_nodes]
+    finer = replace(finer, wrenches=balanced(task.problem, held, finer.nodes, loads, finer.wrenches, finer.contact_forces))
     share = SAFETY / 7  # as for third order, which uneven meshes and kinks can leave; for fourth it is twice too large
     return finer, Price(
         error=share * float(np.linalg.norm(finer.nodes[::2] - coarser.nodes, axis=1).max()) + floor,

@@ -64,7 +64,7 @@ class Rod(NamedTuple):
     held: Held
     touch: Touch
     length: float  # m
-    stiffest: float  # N m^2, largest stiffness
+    stiffest: float  # N m^2, largest stiffness against bending
     weight: float  # N, size of the load as a whole
     force_scale: float  # N, typical force: the weight, or what bends the cable into an arch
     shortest: float  # m, shortest piece between held points, at least a fifth of the cable

@@ -70,7 +70,8 @@ def solve(
         return _one_piece(task)
     parts = pieces.split(problem, gravity)
     share = None if budget is None else budget / len(parts)
-    return pieces.join(problem, [_one_piece(replace(task, problem=part, budget=share, begun=time.perf_counter())) for part in parts])
+    tasks = [replace(task, problem=part, used=effects.asked_for(part, gravity), budget=share) for part in parts]
+    return pieces.join(problem, [_one_piece(replace(own, begun=time.perf_counter())) for own in tasks])
 
 
 def answer(problem: Problem, request: ShapeRequest, path: ModuleType, progress: Progress = lambda iteration, residual: None) -> Shape:

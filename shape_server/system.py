@@ -109,7 +109,7 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
             bent += effect.natural(cable, mesh)
         if hasattr(effect, "give"):
             give = effect.give(cable, mesh)
-    return Matter(elastic_of(law, bent, mesh.lengths), loads, give, float(law.max()), float(np.linalg.norm(loads.sum(axis=0))))
+    return Matter(elastic_of(law, bent, mesh.lengths), loads, give, float(law[:, :2].max()), float(np.linalg.norm(loads.sum(axis=0))))
 
 
 def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray) -> Elastic:

@@ -20,7 +20,7 @@ from protocol.kinds import Hold, Outcome
 from protocol.messages import PointLoads, Problem, Shape, ShapeReply
 from protocol.scene import LumpedMass, Section
 from shape_server import Follower, numpy_path, solve
-from shape_server.lanes import LANES
+from shape_server.lane_rows import LANES
 from shape_server.many import FollowerBatch, SolverPool, solve_many
 
 
