@@ -59,7 +59,7 @@ def solve_many(
 ) -> list[Shape]:
     """Shapes of many problems, in their order, each the same as from `solve`.
 
-    Processes are started and ended here, which takes about a second; keep a `SolverPool` for more than one sweep. As every program that
+    Processes are started and ended here, which takes some seconds; keep a `SolverPool` for more than one sweep. As every program that
     starts processes, a script that calls this needs `if __name__ == "__main__":` around its main part.
 
     Args:

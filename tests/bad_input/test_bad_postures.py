@@ -70,7 +70,7 @@ MISTAKES = [
     (
         TWIST,
         f"{TWIST}\nsections = [{{start = 0.5, end = 0.2}}]",
-        "9: cable.sections[0]: from 0.5 to 0.2 m must begin after the section before it, at 0 m or later, and end within the cable's 1 m",
+        "9: cable.sections[0]: from 0.5 to 0.2 m must begin after the one before it, at 0 m or later, and end within the cable's 1 m",
     ),
     (
         TWIST,
