@@ -86,11 +86,9 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
     """Where each contact is now. `fraction` is updated in place for edges and vertices.
 
     Args:
-        nodes: (n, 3) [m].
-        axes: (n-1, 3, 3) directors of the segments.
+        nodes, axes: (n, 3) [m]; (n-1, 3, 3) directors of the segments.
         lengths: (n-1,) [m].
-        element: (m,) segment of each row.
-        fraction: (m,) place along it, 0 to 1, or a little beyond.
+        element, fraction: (m,) segment of each row, and place along it, 0 to 1, or a little beyond.
         feature: (m,) face, edge or vertex.
         point: (m, 3) [m] on the feature.
         given: (m, 3) unit normal when the contact was found; says on which side the cable is.
@@ -111,19 +109,16 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         j, is_free, kind, at = element[c], False, feature[c], point[c]
         if kind != FACE:
             fraction[c], is_free = _place(nodes, axes, lengths, j, at, direction[c], kind)
-        for k in range(3):
-            offset[k] = nodes[j, k] + fraction[c] * lengths[j] * axes[j, 2, k] - at[k]
+        _away(nodes, axes, lengths, j, fraction[c], at, offset)
         if kind == EDGE:
             along = _dot(offset, direction[c])
             end = min(max(along, extent[c, 0]), extent[c, 1])
             if end == along:
-                for k in range(3):
-                    offset[k] -= along * direction[c, k]
+                offset -= along * direction[c]
             else:  # past its end an edge is the point where it ends, so that the next edge takes over without a jump
                 kind, at = VERTEX, point[c] + end * direction[c]
                 fraction[c], is_free = _place(nodes, axes, lengths, j, at, direction[c], kind)
-                for k in range(3):
-                    offset[k] = nodes[j, k] + fraction[c] * lengths[j] * axes[j, 2, k] - at[k]
+                _away(nodes, axes, lengths, j, fraction[c], at, offset)
         if kind == FACE:
             gap[c] = _dot(offset, given[c]) - distance[c]
             normal[c] = given[c]
@@ -147,6 +142,13 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
         if is_free and abs(_dot(slide[c], axes[j, 2])) > SQUARE:
             gap[c] -= _let_slide(axes, lengths[j], j, fraction[c], normal[c], slide[c], push[c], numbers[c])
     return gap, normal, push, slide, across, numbers
+
+
+@njit(cache=True)
+def _away(nodes, axes, lengths, j, share, point, out):  # type: ignore[no-untyped-def]
+    """Vector (3,) [m] from a point to the place on the axis at a share of segment j."""
+    for k in range(3):
+        out[k] = nodes[j, k] + share * lengths[j] * axes[j, 2, k] - point[k]
 
 
 @njit(cache=True)

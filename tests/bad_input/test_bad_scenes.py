@@ -111,8 +111,7 @@ MISTAKES = [
     (
         "bending = 0.02",
         "bending = 0.02\nsections = [{start = 0, end = 1.3}]",
-        "9: cables[0].sections[0]: from 0 to 1.3 m must begin after the section before it, at 0 m or later, "
-        "and end within the cable's 1.2 m",
+        "9: cables[0].sections[0]: from 0 to 1.3 m must begin after the one before it, at 0 m or later, and end within the cable's 1.2 m",
     ),
     (
         "bending = 0.02",

@@ -83,14 +83,12 @@ BAD = [
     (
         "start = 0.4",
         "start = 0.3",
-        "24: cable.sections[1]: from 0.3 to 0.6 m must begin after the section before it, at 0.4 m or later, "
-        "and end within the cable's 1 m",
+        "24: cable.sections[1]: from 0.3 to 0.6 m must begin after the one before it, at 0.4 m or later, and end within the cable's 1 m",
     ),
     (
         "end = 0.6",
         "end = 1.6",
-        "24: cable.sections[1]: from 0.4 to 1.6 m must begin after the section before it, at 0.4 m or later, "
-        "and end within the cable's 1 m",
+        "24: cable.sections[1]: from 0.4 to 1.6 m must begin after the one before it, at 0.4 m or later, and end within the cable's 1 m",
     ),
     ("start = 0.4", "star = 0.4", "25: cable.sections[1].star: unknown key; did you mean 'start'?"),
     ('masses = [{at = "50 cm", mass = "8 g"}]', "masses = 1", "18: cable.masses: 1 is not a list; give a list of tables with at, mass"),
