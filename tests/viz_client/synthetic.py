@@ -18,7 +18,7 @@ HANDS = tuple(
     for name, at, y in (("right", 0.0, -0.3), ("left", 0.8, 0.3))
 )
 SCENE = Scene(title="A made-up <run>", cables=(CABLE,), grippers=HANDS)
-COST = Cost(**{name: "numpy" if name == "path" else 0.0 for name in Cost.__struct_fields__})
+COST = Cost(solve=0.0, estimate=0.0, certify=0.0, factorisations=3, path="numpy")
 BILL = Bill(**dict.fromkeys(Bill.__struct_fields__, 0.0))
 CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 SIDES = np.array(
@@ -53,10 +53,17 @@ def shape(height: float, *, count: int = 41) -> Shape:
         sentence="",
         model="rod",
         effects=("gravity",),
+        left_out={},
         error=1e-5,
+        error_tension=None,
+        error_curvature=None,
         residual=0.0,
         iterations=3,
+        energy=0.0,
+        total_twist=0.0,
         is_stable=True,
+        margin=None,
+        fold=None,
         cost=COST,
     )
 
