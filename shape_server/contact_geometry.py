@@ -86,9 +86,11 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
     """Where each contact is now. `fraction` is updated in place for edges and vertices.
 
     Args:
-        nodes, axes: (n, 3) [m]; (n-1, 3, 3) directors of the segments.
+        nodes: (n, 3) [m].
+        axes: (n-1, 3, 3) directors of the segments.
         lengths: (n-1,) [m].
-        element, fraction: (m,) segment of each row, and place along it, 0 to 1, or a little beyond.
+        element: (m,) segment of each row.
+        fraction: (m,) place along it, 0 to 1, or a little beyond.
         feature: (m,) face, edge or vertex.
         point: (m, 3) [m] on the feature.
         given: (m, 3) unit normal when the contact was found; says on which side the cable is.
@@ -121,9 +123,7 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
                 _away(nodes, axes, lengths, j, fraction[c], at, offset)
         if kind == FACE:
             gap[c] = _dot(offset, given[c]) - distance[c]
-            normal[c] = given[c]
-            push[c] = given[c]
-            numbers[c, 1] = distance[c]
+            normal[c], push[c], numbers[c, 1] = given[c], given[c], distance[c]
             continue
         size = np.sqrt(_dot(offset, offset))
         # A contact may turn by more than a right angle around a sharp edge before it is on the other side of it.
