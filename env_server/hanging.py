@@ -12,6 +12,7 @@ from protocol.kinds import Outcome
 from protocol.messages import Grasps, Shape, Start
 
 from .boundary import Boundary
+from .remesh import blended
 from .touch import Candidates
 
 
@@ -69,9 +70,7 @@ def part_way(was: Shape, now: Shape, share: float, grasps: Grasps) -> Shape:
 
     Not an equilibrium: a place from which to look for contacts on the way.
     """
-    same = np.where(np.einsum("ij,ij->i", was.frames, now.frames) < 0.0, -1.0, 1.0)
-    frames = (1.0 - share) * was.frames + share * same[:, None] * now.frames
-    frames /= np.linalg.norm(frames, axis=1, keepdims=True)
+    frames = blended(was.frames, now.frames, share)
     steps = np.diff(now.s)[:, None] * Rotation.from_quat(frames).apply([0.0, 0.0, 1.0])
     nodes = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     held = int(np.argmin(np.abs(now.s - grasps.s[0])))

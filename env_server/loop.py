@@ -3,8 +3,8 @@
 A round sends the present boundary conditions to the shape server and looks at the answer with exact distances. The step
 has settled when nothing is penetrated deeper than `boundary.DEPTH_OK` and every push comes from a body that is there. No
 cable may move further in one step than its distance to the nearest body (conservative advancement), so nothing is passed
-through; a step that would, or that does not settle, is halved. History is what a step starts from: the last shape and the
-contacts it kept. A step that fails changes none of it.
+through; a step that would, or that does not settle, is halved; one whose error is above the tolerance is repeated on more
+nodes (`remesh`). History is what a step starts from: the last shape and the contacts it kept. A step that fails changes none of it.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from typing import Final
 import numpy as np
 
 from protocol.kinds import Outcome
-from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest, TouchPoints
+from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest
 
+from . import remesh
 from .asking import Asker
 from .boundary import Boundary
 from .hanging import Hanging, joined, nowhere, part_way, start_of, unsettled
 from .poses import farthest_move
 from .stage import Posture, Stage
+from .stepped import Meter, Stepped
 from .touch import Candidates
 
 ROUNDS_MAX: Final = 12
@@ -33,27 +35,6 @@ REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed t
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
-
-
-@dataclass
-class Meter:
-    """Seconds spent in the present step, by part."""
-
-    solve: float = 0.0
-    search: float = 0.0
-    robot: float = 0.0
-    wire: float = 0.0
-
-
-@dataclass(frozen=True)
-class Stepped:
-    """A time step as it ended."""
-
-    posture: Posture
-    cables: tuple[Hanging, ...]
-    rounds: int
-    collisions: tuple[tuple[str, str], ...]
-    bill: Bill
 
 
 @dataclass
@@ -92,7 +73,16 @@ class Loop:
         begun, coded = time.perf_counter(), self._asker.coding
         self._meter = Meter()
         self._round = 0
+        if before is not None:
+            before = self._with_fewer_nodes(before)
         posture, cables, rounds = self._go(step, goal, before, 0)
+        while before is not None and self._is_too_coarse(cables):
+            before = self._with_more_nodes(before, cables)
+            reached, again, more = self._go(step, goal, before, 0)
+            rounds += more
+            if any(cable.shape.outcome is not Outcome.CONVERGED for cable in again):
+                break
+            posture, cables = reached, again
         meter = self._meter
         bill = Bill(
             solve=meter.solve,
@@ -107,6 +97,40 @@ class Loop:
         if all(cable.shape.outcome is Outcome.CONVERGED for cable in cables):
             self._now = stepped
         return stepped
+
+    def _is_too_coarse(self, cables: tuple[Hanging, ...]) -> bool:
+        """Whether the step is worth repeating on more nodes: all cables have a shape, and one is further off than the tolerance."""
+        shapes = [cable.shape for cable in cables]
+        return all(shape.outcome is Outcome.CONVERGED for shape in shapes) and any(
+            remesh.is_too_coarse(shape, self._stage.scene.tolerance) for shape in shapes
+        )
+
+    def _with_more_nodes(self, before: Stepped, after: tuple[Hanging, ...]) -> Stepped:
+        """The last step, on twice the segments for every cable that is too coarse now."""
+        tolerance = self._stage.scene.tolerance
+        cables = [
+            self._on(index, remesh.finer(was.shape), was, before.posture) if remesh.is_too_coarse(now.shape, tolerance) else was
+            for index, (was, now) in enumerate(zip(before.cables, after, strict=True))
+        ]
+        return replace(before, cables=tuple(cables))
+
+    def _with_fewer_nodes(self, before: Stepped) -> Stepped:
+        """The last step, on half the segments for every cable that needs no more."""
+        scene, posture = self._stage.scene, before.posture
+        cables = [
+            self._on(index, remesh.coarser(was.shape), was, posture)
+            if remesh.is_too_fine(was.shape, self._stage.grasps(scene.cables[index].name, posture), scene.tolerance)
+            else was
+            for index, was in enumerate(before.cables)
+        ]
+        return replace(before, cables=tuple(cables))
+
+    def _on(self, index: int, shape: Shape, was: Hanging, posture: Posture) -> Hanging:
+        """A cable on other nodes, with what is near it there."""
+        begun = time.perf_counter()
+        remeshed = Hanging(shape, was.boundary, *self._search(index, shape, posture, None))
+        self._meter.search += time.perf_counter() - begun
+        return remeshed
 
     def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, tuple[Hanging, ...], int]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
@@ -269,15 +293,3 @@ class Loop:
     def _fresh(self, index: int) -> Boundary:
         cable = self._stage.scene.cables[index]
         return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=self._stage.bonding)
-
-
-def touch_points(stage: Stage, stepped: Stepped) -> TouchPoints:
-    """The contacts of a step that carry a force, for its frame."""
-    pushes = [(index, cable.boundary.pushes) for index, cable in enumerate(stepped.cables)]
-    return TouchPoints(
-        cable=np.concatenate([np.full(len(p.s), index, dtype=np.int64) for index, p in pushes]),
-        body=np.concatenate([stage.solid_of_surface[p.surface] for _, p in pushes]),
-        s=np.concatenate([p.s for _, p in pushes]),
-        point=np.vstack([p.point for _, p in pushes]),
-        force=np.vstack([p.force for _, p in pushes]),
-    )

@@ -23,8 +23,9 @@ from protocol.scene import Scene
 from . import touch
 from .asking import Asker
 from .control import Control
-from .loop import Loop, Stepped, touch_points
+from .loop import Loop
 from .stage import Stage
+from .stepped import Stepped, touch_points
 
 RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
 LINGER: Final = 60.0  # s to go on answering after the run

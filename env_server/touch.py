@@ -112,7 +112,7 @@ class Touch:
                 break
             capacity = 2 * count
         hits = self._with_edges(hits[:count], poses, radius + edges.CLOSE)
-        if previous is not None:
+        if previous is not None and len(hits):
             _keep_normals(hits, previous)
         return _candidates(hits, count, clearance, radius, self._extents(hits, poses))
 
@@ -121,8 +121,12 @@ class Touch:
 
         Such an edge leaves the vertex that is touched, or an end of the edge that is touched within `edges.SLIDE` of the place.
         """
-        more, known = [], {(hit["segment"], hit["body"], hit["feature_id"]) for hit in hits if hit["feature"] == EDGE}
-        for hit in hits[(hits["feature"] != FACE) & (hits["is_crossing"] == 0) & (hits["distance"] < close)]:
+        near = hits[(hits["feature"] != FACE) & (hits["is_crossing"] == 0) & (hits["distance"] < close)]
+        if not len(near):
+            return hits
+        found = hits[hits["feature"] == EDGE]
+        more, known = [], set(zip(*(found[name].tolist() for name in ("segment", "body", "feature_id")), strict=True))
+        for hit in near:
             pose = poses[hit["body"]]
             start = turn_inside(pose, hit["point"] - pose[:3])
             for edge, vertex in self._edges.beyond(int(hit["body"]), int(hit["feature_id"]), hit["feature"] == VERTEX, start):
@@ -168,9 +172,16 @@ class Touch:
 
 def _rotated(poses: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (m, 3) of bodies, turned into the world by their poses (m, 7)."""
-    turn = 2.0 * np.cross(poses[:, 3:6], vectors)
-    turned: np.ndarray = vectors + poses[:, 6:] * turn + np.cross(poses[:, 3:6], turn)
+    turn = 2.0 * _cross(poses[:, 3:6], vectors)
+    turned: np.ndarray = vectors + poses[:, 6:] * turn + _cross(poses[:, 3:6], turn)
     return turned
+
+
+def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Vector products (m, 3); for a few rows np.cross is five times as slow."""
+    after, before = [1, 2, 0], [2, 0, 1]
+    product: np.ndarray = first[:, after] * second[:, before] - first[:, before] * second[:, after]
+    return product
 
 
 def warm_up() -> None:

@@ -91,11 +91,16 @@ def _cache() -> Path:
 
 
 def _fingerprint() -> str:
-    """Hash of all that the compiled code is made from."""
+    """Hash of all that the compiled code is made from: the files with functions for numba, which import from each other only."""
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in compiled_files():
         digest.update(source.read_bytes())
     return digest.hexdigest()
+
+
+def compiled_files() -> list[Path]:
+    """The files of this package with functions that numba compiles."""
+    return [source for source in sorted(Path(__file__).parent.glob("*.py")) if b"@njit" in source.read_bytes()]
 
 
 def compile_kernels() -> ModuleType:

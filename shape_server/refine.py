@@ -123,8 +123,8 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
 
 def _change(coarse: np.ndarray, fine: np.ndarray) -> float:
     """Largest change from one mesh to the next, at places that both have or nearly have."""
-    at = np.linspace(0.0, 1.0, len(coarse))
-    return float(np.abs(np.interp(at, np.linspace(0.0, 1.0, len(fine)), fine) - coarse).max())
+    at, places = np.arange(len(coarse)) / (len(coarse) - 1), np.arange(len(fine)) / (len(fine) - 1)
+    return float(np.abs(np.interp(at, places, fine) - coarse).max())
 
 
 def _is_enough(task: Task, levels: list[Solution], price: Price) -> bool:

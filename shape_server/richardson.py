@@ -44,13 +44,16 @@ def transfer(path: ModuleType, finer: System, coarser: System, state: State) -> 
 
 def _middles(system: System, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Arc lengths and frames of all segments, with the clamps at the ends of the cable among them."""
-    mesh, clamps = system.mesh, system.rod.clamp_of_node
-    s = 0.5 * (mesh.s[:-1] + mesh.s[1:])
-    for node, end in ((0, 0), (len(mesh.s) - 1, len(s))):
-        if clamps[node] >= 0:
-            s = np.insert(s, end if node == 0 else len(s), mesh.s[node])
-            frames = np.insert(frames, 0 if node == 0 else len(frames), system.rod.clamp_frames[clamps[node]], axis=0)
-    return s, frames
+    mesh, rod = system.mesh, system.rod
+    first, last = rod.clamp_of_node[0], rod.clamp_of_node[-1]
+    before, after = int(first >= 0), int(last >= 0)
+    s, all_frames = np.empty(len(frames) + before + after), np.empty((len(frames) + before + after, 4))
+    s[before : before + len(frames)], all_frames[before : before + len(frames)] = 0.5 * (mesh.s[:-1] + mesh.s[1:]), frames
+    if before:
+        s[0], all_frames[0] = mesh.s[0], rod.clamp_frames[first]
+    if after:
+        s[-1], all_frames[-1] = mesh.s[-1], rod.clamp_frames[last]
+    return s, all_frames
 
 
 def apart(coarse: Solution, fine: Solution) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -45,8 +46,11 @@ class System:
         )
 
 
-def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh) -> System:
-    """The system of equations of a problem on a mesh: the sum of what the effects in use add."""
+def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, touching: Any = None) -> System:
+    """The system of equations of a problem on a mesh: the sum of what the effects in use add.
+
+    `touching` is what `grouped` says of the problem, for a caller who builds it on several meshes.
+    """
     grasps, cable = problem.grasps, problem.cable
     given = None if problem.loads is None else (problem.loads.s.tobytes(), problem.loads.force.tobytes())
     matter = _matter(cable, given, gravity, used, mesh.s.tobytes())
@@ -55,7 +59,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh) 
     clamp_of_node[mesh.grasp_nodes[framed]] = np.arange(len(framed))
     base = next(k for k, hold in enumerate(grasps.hold) if hold is not Hold.GUIDE)
     held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
-    touch, push, fraction = _touch(problem, used, mesh)
+    touch, push, fraction = _touch(problem, used, mesh, touching)
     shortest, kick = _spans(problem)
     rod = Rod(
         lengths=np.array(mesh.lengths),
@@ -153,12 +157,20 @@ def _across(quaternion: np.ndarray) -> np.ndarray:
     return rows
 
 
-def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh) -> tuple[Touch, np.ndarray, np.ndarray]:
+def grouped(problem: Problem, used: tuple[str, ...]) -> Any:
+    """The one-sided contacts of a problem by what they touch, the same for every mesh; None without any."""
+    if "contact" not in used:
+        return None
+    assert problem.contacts is not None
+    chosen = np.flatnonzero(problem.contacts.friction == FRICTION_CODES.index(Friction.NONE))
+    return effects.load("contact").grouped(problem.contacts, chosen)
+
+
+def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -> tuple[Touch, np.ndarray, np.ndarray]:
     """One-sided rows, their forces and places; none without contacts."""
-    if "contact" in used:
-        assert problem.contacts is not None
-        chosen = np.flatnonzero(problem.contacts.friction == FRICTION_CODES.index(Friction.NONE))
-        rows: tuple[Touch, np.ndarray, np.ndarray] = effects.load("contact").rows(problem.contacts, chosen, mesh)
+    groups = grouped(problem, used) if touching is None else touching
+    if groups is not None:
+        rows: tuple[Touch, np.ndarray, np.ndarray] = effects.load("contact").rows(problem.contacts, groups, mesh)
         return rows
     none, points = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
     return Touch(none, none, none, points, points, points, np.zeros((0, 2)), np.zeros(0)), np.zeros(0), np.zeros(0)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from .descent import Progress
 from .equilibrium import Settled
 from .mesh import Mesh
 from .reading import Reading, read
-from .system import System, build
+from .system import System, build, grouped
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,11 @@ class Task:
 
     def system(self, mesh: Mesh) -> System:
         """The equations on a mesh."""
-        return build(self.problem, self.gravity, self.used, mesh)
+        return build(self.problem, self.gravity, self.used, mesh, self._touching)
+
+    @cached_property
+    def _touching(self) -> Any:
+        return grouped(self.problem, self.used)
 
     @property
     def seconds(self) -> float:

@@ -1,7 +1,20 @@
-"""Before any test: the kernels are compiled, or loaded if they are those of these sources, so that no test is timed with the compiler."""
+"""Before any test: what numba compiles is compiled, or loaded if it is that of these sources, so that no test is timed with the compiler.
+
+With pytest-xdist its controller does so before it starts its workers, which then load.
+"""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
+from env_server import touch
 from shape_server.paths import compile_kernels
 
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    with subprocess.Popen([sys.executable, "-m", "shape_server", "--warm-up"], stdout=subprocess.DEVNULL) as beside:
+        touch.warm_up()
+    if beside.returncode:
+        raise RuntimeError("the kernels of the shape server do not compile; see: python -m shape_server --warm-up")
 compile_kernels()

@@ -7,7 +7,8 @@ sums what the effects add without knowing any of them by name:
 - `stiffness(cable, mesh)`: a diagonal law for curvature and twist of every segment [N m^2];
 - `natural(cable, mesh)`: curvature and twist of every segment when free of any load [1/m];
 - `give(cable, mesh)`: growth of every segment under a unit of tension [m/N];
-- `rows(contacts, chosen, mesh)`: border rows, each with a force as its unknown.
+- `rows(contacts, chosen, mesh)`: border rows, each with a force as its unknown; of one-sided contacts what `grouped` says of them
+  is in the place of `chosen`.
 """
 
 from __future__ import annotations

@@ -8,6 +8,8 @@ takes the place of perfect hardness: two rows at one point then share their forc
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from protocol.messages import Contacts
@@ -17,27 +19,46 @@ from ..mesh import Mesh
 from ..rod import Touch
 
 
-def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> tuple[Touch, np.ndarray, np.ndarray]:
-    """Rows for the contacts whose indices are `chosen` (m,), with their forces [N] and places along their segments to start from.
+@dataclass(frozen=True)
+class Grouped:
+    """The one-sided contacts of a request by the face, line or point that they touch; the same for every mesh."""
+
+    chosen: np.ndarray  # (m,) int, which contacts of the request
+    push: np.ndarray  # (m,) N, to start from
+    faces: list[int]  # rows of `chosen`
+    features: list[list[int]]  # rows of `chosen` that touch one line or point, the strongest first
+    extent: np.ndarray  # (m, 2) m, that of edges on one line joined
+
+
+def grouped(contacts: Contacts, chosen: np.ndarray) -> Grouped:
+    """Group the contacts whose indices are `chosen` (m,)."""
+    push = np.maximum(np.einsum("ij,ij->i", contacts.force[chosen], contacts.normal[chosen]), 0.0)
+    is_face = contacts.feature[chosen] == FACE
+    extent = contacts.extent[chosen].copy()
+    others = np.flatnonzero(~is_face).tolist()
+    features = _by_feature(contacts, chosen, others, push[others].tolist())
+    for own in features:
+        _join_extents(contacts, chosen[own], own, extent)
+    return Grouped(chosen, push, np.flatnonzero(is_face).tolist(), features, extent)
+
+
+def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[Touch, np.ndarray, np.ndarray]:
+    """Rows for the grouped contacts, with their forces [N] and places along their segments to start from.
 
     An edge or a vertex gets a row on the segment where it was found and on both neighbours, unless another contact with the
     same feature is nearer there. The contact then passes from segment to segment without a jump.
     """
+    chosen, push = groups.chosen, groups.push
     element, fraction = mesh.locate(contacts.s[chosen])
-    push = np.maximum(np.einsum("ij,ij->i", contacts.force[chosen], contacts.normal[chosen]), 0.0)
-    is_face = contacts.feature[chosen] == FACE
-    extent = contacts.extent[chosen].copy()
     found = element.tolist()
-    source = [(k, found[k]) for k in np.flatnonzero(is_face).tolist()]
+    source = [(k, found[k]) for k in groups.faces]
     last = len(mesh.lengths) - 1
-    for group in _by_feature(contacts, chosen[~is_face].tolist(), push[~is_face].tolist()):
-        own = [int(np.searchsorted(chosen, index)) for index in group]
+    for own in groups.features:
         taken = {found[k]: k for k in reversed(own)}
         for j in {j + step for j in taken for step in (-1, 1)} - taken.keys():
             if 0 <= j <= last:
                 taken[j] = min(own, key=lambda k: abs(found[k] - j))
         source += [(k, j) for j, k in taken.items()]
-        _join_extents(contacts, group, own, extent)
     source.sort(key=lambda item: (item[1], item[0]))
     of = np.array([k for k, _ in source], dtype=np.int64)
     segment = np.array([j for _, j in source], dtype=np.int64)
@@ -50,16 +71,17 @@ def rows(contacts: Contacts, chosen: np.ndarray, mesh: Mesh) -> tuple[Touch, np.
         point=contacts.point[index],
         normal=contacts.normal[index],
         direction=contacts.direction[index],
-        extent=extent[of],
+        extent=groups.extent[of],
         distance=contacts.distance[index],
     )
     return touch, np.where(is_own, push[of], 0.0), np.where(is_own, fraction[of], np.where(segment < element[of], 1.0, 0.0))
 
 
-def _by_feature(contacts: Contacts, rows: list[int], push: list[float]) -> list[list[int]]:
-    """Contacts with edges and vertices, grouped by the line or point that they touch, the strongest first in each group."""
+def _by_feature(contacts: Contacts, chosen: np.ndarray, rows: list[int], push: list[float]) -> list[list[int]]:
+    """Rows of `chosen` with edges and vertices, grouped by the line or point that they touch, the strongest first in each group."""
     groups: list[tuple[tuple[float, ...], list[int]]] = []
-    for _, row in sorted(zip(push, rows, strict=True), key=lambda item: (-item[0], item[1])):
+    for _, own in sorted(zip(push, rows, strict=True), key=lambda item: (-item[0], item[1])):
+        row = int(chosen[own])
         feature = (
             float(contacts.feature[row]),
             float(contacts.body[row]),
@@ -69,10 +91,10 @@ def _by_feature(contacts: Contacts, rows: list[int], push: list[float]) -> list[
         near = 1e-9 + 1e-6 * float(contacts.distance[row])
         for known, group in groups:
             if _is_same_feature(feature, known, near):
-                group.append(row)
+                group.append(own)
                 break
         else:
-            groups.append((feature, [row]))
+            groups.append((feature, [own]))
     return [group for _, group in groups]
 
 
@@ -88,8 +110,8 @@ def _is_same_feature(one: tuple[float, ...], other: tuple[float, ...], near: flo
     return max(abs(dx - along * u), abs(dy - along * v), abs(dz - along * w)) < near
 
 
-def _join_extents(contacts: Contacts, group: list[int], own: list[int], extent: np.ndarray) -> None:
-    """Let edges on one line count as one edge from the first end to the last."""
+def _join_extents(contacts: Contacts, group: np.ndarray, own: list[int], extent: np.ndarray) -> None:
+    """Let edges on one line, contacts `group` of the request, count as one edge from the first end to the last."""
     if len(group) == 1 or contacts.feature[group[0]] != EDGE:
         return
     along = contacts.direction[group[0]]

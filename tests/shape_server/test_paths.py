@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from rods import GRAVITY, cable, span
 from protocol.channel import Client
 from protocol.messages import AnyMessage, Beat, Message, Problem, ShapeReply, ShapeRequest
 from shape_server import kernels, numpy_path
-from shape_server.paths import CHOICES, Paths, compile_kernels, is_compiled
+from shape_server.paths import CHOICES, Paths, compile_kernels, compiled_files, is_compiled
 
 WAIT = 20.0  # s
 ASK = ShapeRequest(session="s", step=0, round=0, gravity=GRAVITY, tolerance=1e-3, problems=(Problem(cable=cable(), grasps=span()),))
@@ -49,6 +50,14 @@ def test_auto_takes_the_kernels_that_are_in_the_cache() -> None:
     paths = Paths("auto")
     assert paths.state == "compiled"
     paths.close()
+
+
+def test_compiled_code_is_made_from_the_files_that_count_towards_its_fingerprint_and_no_others() -> None:
+    files = compiled_files()
+    names = {file.stem for file in files}
+    for file in files:
+        imported = {node.module for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.ImportFrom) and node.level == 1}
+        assert imported <= names, f"{file.name} takes {imported - names} from files whose changes would not be noticed"
 
 
 def test_every_choice_has_a_state() -> None:

@@ -59,6 +59,7 @@ def test_the_run_meets_its_figures(summary: dict[str, Any]) -> None:
     assert summary["outcomes"] == {"converged": summary["steps"] + 1}
     assert summary["worst_penetration_m"] <= 1e-5
     assert summary["worst_grasp_error_m"] <= 1e-6
+    assert summary["steps_above_tolerance"] == 0
     assert summary["contacts_max"] >= 1
     assert summary["collisions"] == 0
     assert summary["torque_ratio_max"] < 1

@@ -1,0 +1,45 @@
+"""A time step as it ended: where everything is, what touches, and where its time went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from protocol.messages import Bill, TouchPoints
+
+from .hanging import Hanging
+from .stage import Posture, Stage
+
+
+@dataclass
+class Meter:
+    """Seconds spent in the present step, by part."""
+
+    solve: float = 0.0
+    search: float = 0.0
+    robot: float = 0.0
+    wire: float = 0.0
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A time step as it ended."""
+
+    posture: Posture
+    cables: tuple[Hanging, ...]
+    rounds: int
+    collisions: tuple[tuple[str, str], ...]
+    bill: Bill
+
+
+def touch_points(stage: Stage, stepped: Stepped) -> TouchPoints:
+    """The contacts of a step that carry a force, for its frame."""
+    pushes = [(index, cable.boundary.pushes) for index, cable in enumerate(stepped.cables)]
+    return TouchPoints(
+        cable=np.concatenate([np.full(len(p.s), index, dtype=np.int64) for index, p in pushes]),
+        body=np.concatenate([stage.solid_of_surface[p.surface] for _, p in pushes]),
+        s=np.concatenate([p.s for _, p in pushes]),
+        point=np.vstack([p.point for _, p in pushes]),
+        force=np.vstack([p.force for _, p in pushes]),
+    )
