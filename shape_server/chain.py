@@ -76,31 +76,50 @@ def interpolate_frames(there, frames, here):  # type: ignore[no-untyped-def]
 
     Both are in growing order. With fewer than four frames the polynomial is of as high an order as they allow.
     """
+    return blend_frames(frames, *cubic_weights(there, here))
+
+
+@njit(cache=True)
+def cubic_weights(there, here):  # type: ignore[no-untyped-def]
+    """For every place `here` (m,): the first (m,) of the four nearest places `there` (n,), and the weights of these four (m, 4).
+
+    Both are in growing order; of fewer than four places there are as many weights.
+    """
     count, many = len(there), len(here)
     width = min(4, count)
+    nearest, weights = np.empty(many, dtype=np.int64), np.ones((many, width))
+    at = 0
+    for i in range(many):
+        while at + 1 < count and there[at + 1] <= here[i]:
+            at += 1
+        first = min(max(at - 1, 0), count - width)
+        nearest[i] = first
+        for a in range(width):
+            for b in range(width):
+                if b != a:
+                    weights[i, a] *= (here[i] - there[first + b]) / (there[first + a] - there[first + b])
+    return nearest, weights
+
+
+@njit(cache=True)
+def blend_frames(frames, nearest, weights):  # type: ignore[no-untyped-def]
+    """Unit quaternions (m, 4) from the frames (n, 4), of which each is blended from some in line, whichever sign these have."""
+    many, width = weights.shape
     out, aligned = np.empty((many, 4)), frames.copy()
-    for j in range(1, count):
+    for j in range(1, len(frames)):
         dot = 0.0
         for k in range(4):
             dot += aligned[j, k] * aligned[j - 1, k]
         if dot < 0.0:
             for k in range(4):
                 aligned[j, k] = -aligned[j, k]
-    at = 0
     for i in range(many):
-        while at + 1 < count and there[at + 1] <= here[i]:
-            at += 1
-        first = min(max(at - 1, 0), count - width)
         size = 0.0
         for k in range(4):
             out[i, k] = 0.0
-        for a in range(first, first + width):
-            weight = 1.0
-            for b in range(first, first + width):
-                if b != a:
-                    weight *= (here[i] - there[b]) / (there[a] - there[b])
+        for a in range(width):
             for k in range(4):
-                out[i, k] += weight * aligned[a, k]
+                out[i, k] += weights[i, a] * aligned[nearest[i] + a, k]
         for k in range(4):
             size += out[i, k] * out[i, k]
         size = 1.0 / np.sqrt(max(size, 1e-300))

@@ -1,7 +1,4 @@
-"""Small products of vectors and matrices of one lane, which LLVM inlines into `lanes`; compiled.
-
-Rows of `LANES` numbers, one of every cable, follow each other in an array of one axis; vectors are tuples of numbers.
-"""
+"""Rows of `LANES` numbers, one of every cable, which follow each other in an array of one axis; read and set for one lane; compiled."""
 
 from __future__ import annotations
 
@@ -48,55 +45,8 @@ def put(rows, at, value, lane):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def larger(a, b):  # type: ignore[no-untyped-def]
-    """The larger number."""
-    return a if a > b else b
-
-
-@njit(cache=True)
-def dot(a, b):  # type: ignore[no-untyped-def]
-    """Product a . b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True)
-def weighted(a, x, b, y, c, z):  # type: ignore[no-untyped-def]
-    """Sum a x + b y + c z of three vectors."""
-    return a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2]
-
-
-@njit(cache=True)
-def form(k, a, b):  # type: ignore[no-untyped-def]
-    """Product a . K b with K = diag(k)."""
-    return k[0] * a[0] * b[0] + k[1] * a[1] * b[1] + k[2] * a[2] * b[2]
-
-
-@njit(cache=True)
-def mixed(form, half, vi, vj, ai, bj, ci, cj, p):  # type: ignore[no-untyped-def]
-    """Entry of the block of a vertex between its two frames, see `vertices`."""
-    return -form - half * (vi * bj - ai * vj) - (p - ci * vj - vi * cj)
-
-
-@njit(cache=True)
-def solved(inverse, inverse_2, r, g0, g1, g2, y):  # type: ignore[no-untyped-def]
-    """Symmetric inverse, by its two halves, times r, less the rows g times y."""
-    first = inverse[0] * r[0] + inverse[1] * r[1] + inverse[2] * r[2] - dot(g0, y)
-    second = inverse[1] * r[0] + inverse_2[0] * r[1] + inverse_2[1] * r[2] - dot(g1, y)
-    return first, second, inverse[2] * r[0] + inverse_2[1] * r[1] + inverse_2[2] * r[2] - dot(g2, y)
-
-
-@njit(cache=True)
-def product(a, b):  # type: ignore[no-untyped-def]
-    """Of two quaternions."""
-    return (
-        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
-        a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
-        a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3],
-        a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
-    )
-
-
-@njit(cache=True)
-def conjugate(a):  # type: ignore[no-untyped-def]
-    """Of a quaternion."""
-    return -a[0], -a[1], -a[2], a[3]
+def add(rows, at, value, lane):  # type: ignore[no-untyped-def]
+    """Add to three rows of one lane."""
+    rows[at + lane] += value[0]
+    rows[at + LANES + lane] += value[1]
+    rows[at + 2 * LANES + lane] += value[2]

@@ -1,6 +1,6 @@
 """Newton steps of many cables at once, one in each lane of the processor's vector registers; compiled.
 
-The formulas of `vertices`, `elimination` and `closing`, for what most sweeps are about: cables without stretch and contacts, clamped at
+The formulas are those of `chain_terms`, for what most sweeps are about: cables without stretch and contacts, clamped at
 both ends, on as many segments each. Every quantity is a row of `LANES` numbers, one of every cable, and every inner loop runs over such
 a row, without a branch, so that LLVM turns it into vector instructions. It does only if
 
@@ -9,21 +9,19 @@ a row, without a branch, so that LLVM turns it into vector instructions. It does
 * a row has sixteen numbers or more: for less it does not look whether arrays overlap.
 
 The frames of both clamps stand in line with those of the segments, so that every node is a vertex between two rows of frames. Each vertex
-is assembled and the segment before it eliminated at once; nothing but the factors is kept. Per cable and Newton step at 40 segments this
-takes 1.2 us where the general code takes 19 us (AVX-512): a factor of three and a half is due to assembling and eliminating in one pass.
+is assembled and the segment before it eliminated at once; nothing but the factors is kept. At 40 segments a motion takes 3.6 us per cable
+where `clamped` takes 13 us (AVX-512).
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
-from .lane_rows import LANES, column, conjugate, dot, form, four, larger, mixed, place_nodes, product, put, solved, three, weighted
-from .vertices import CLAMP, INNER, LEAST
+from .chain_terms import closed, eliminated, larger, substituted, turn_of, turned, vertex_terms
+from .lane_rows import LANES, add, column, four, place_nodes, put, three
+from .vertices import CLAMP, INNER
 
-F8, F9, F10, F11, F12, F13, F14, F15 = (math.factorial(k) for k in range(8, 16))
 # Where the rows of every segment and clamp begin.
 FRAME = 0  # (4)
 CELL, LAW, BENT = 4 * LANES, 5 * LANES, 8 * LANES  # (1) m, (3) N m^2, (3) 1/m, of the vertex between this frame and the next
@@ -113,173 +111,88 @@ def _step(work, sums):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _vertex(here, after, kind):  # type: ignore[no-untyped-def]
     """Gradient and Hessian of the vertex between two frames, see `vertices`."""
-    factor = 2.0 + 2.0 * kind
     for lane in range(LANES):
-        x, y, z, w = product(conjugate(four(here, FRAME, lane)), four(after, FRAME, lane))
-        sign = 1.0 if w >= 0.0 else -1.0
-        v, r0 = (sign * x, sign * y, sign * z), larger(sign * w, LEAST - kind)
         cell, law, bent = here[CELL + lane], three(here, LAW, lane), three(here, BENT, lane)
-        inv = 1.0 / (kind + r0)
-        s0, s1, s2 = inv * v[0], inv * v[1], inv * v[2]
-        over = factor / cell
-        m = law[0] * (over * s0 - bent[0]), law[1] * (over * s1 - bent[1]), law[2] * (over * s2 - bent[2])
-        diagonal = 0.5 * r0 * inv
-        row0 = diagonal + 0.5 * s0 * s0, 0.5 * (s0 * s1 - s2), 0.5 * (s0 * s2 + s1)
-        row1 = 0.5 * (s0 * s1 + s2), diagonal + 0.5 * s1 * s1, 0.5 * (s1 * s2 - s0)
-        row2 = 0.5 * (s0 * s2 - s1), 0.5 * (s1 * s2 + s0), diagonal + 0.5 * s2 * s2
-        col0, col1, col2 = (row0[0], row1[0], row2[0]), (row0[1], row1[1], row2[1]), (row0[2], row1[2], row2[2])
-        b = factor * dot(col0, m), factor * dot(col1, m), factor * dot(col2, m)
-        a = -factor * dot(row0, m), -factor * dot(row1, m), -factor * dot(row2, m)
-        scale, half, share = factor * over, 0.5 * inv, 0.25 * factor * inv
-        stiff = scale * law[0], scale * law[1], scale * law[2]
-        g, c = -share * (m[0] * s0 + m[1] * s1 + m[2] * s2), (share * m[0], share * m[1], share * m[2])
-        spread, flat = g * r0 + dot(c, v), dot(c, v) - g * r0
-        p0, p1, p2 = g * v[0] + r0 * c[0], g * v[1] + r0 * c[1], g * v[2] + r0 * c[2]
-        put(here, SLOPE, b, lane)
-        put(here, SLOPE_BEFORE, a, lane)
-        x = form(stiff, col0, col0) + 2.0 * half * v[0] * b[0] - spread
-        y = form(stiff, col0, col1) + half * (v[0] * b[1] + b[0] * v[1])
-        z = form(stiff, col0, col2) + half * (v[0] * b[2] + b[0] * v[2])
-        put(here, CURVE, (x, y, z), lane)
-        x = form(stiff, col1, col1) + 2.0 * half * v[1] * b[1] - spread
-        y = form(stiff, col1, col2) + half * (v[1] * b[2] + b[1] * v[2])
-        z = form(stiff, col2, col2) + 2.0 * half * v[2] * b[2] - spread
-        put(here, CURVE + 3 * LANES, (x, y, z), lane)
-        x = form(stiff, row0, row0) - 2.0 * half * v[0] * a[0] - spread
-        y = form(stiff, row0, row1) - half * (v[0] * a[1] + a[0] * v[1])
-        z = form(stiff, row0, row2) - half * (v[0] * a[2] + a[0] * v[2])
-        put(here, CURVE_BEFORE, (x, y, z), lane)
-        x = form(stiff, row1, row1) - 2.0 * half * v[1] * a[1] - spread
-        y = form(stiff, row1, row2) - half * (v[1] * a[2] + a[1] * v[2])
-        z = form(stiff, row2, row2) - 2.0 * half * v[2] * a[2] - spread
-        put(here, CURVE_BEFORE + 3 * LANES, (x, y, z), lane)
-        x = mixed(form(stiff, row0, col0), half, v[0], v[0], a[0], b[0], c[0], c[0], flat)
-        y = mixed(form(stiff, row0, col1), half, v[0], v[1], a[0], b[1], c[0], c[1], p2)
-        z = mixed(form(stiff, row0, col2), half, v[0], v[2], a[0], b[2], c[0], c[2], -p1)
-        put(here, COUPLE, (x, y, z), lane)
-        x = mixed(form(stiff, row1, col0), half, v[1], v[0], a[1], b[0], c[1], c[0], -p2)
-        y = mixed(form(stiff, row1, col1), half, v[1], v[1], a[1], b[1], c[1], c[1], flat)
-        z = mixed(form(stiff, row1, col2), half, v[1], v[2], a[1], b[2], c[1], c[2], p0)
-        put(here, COUPLE + 3 * LANES, (x, y, z), lane)
-        x = mixed(form(stiff, row2, col0), half, v[2], v[0], a[2], b[0], c[2], c[0], p1)
-        y = mixed(form(stiff, row2, col1), half, v[2], v[1], a[2], b[1], c[2], c[1], -p0)
-        z = mixed(form(stiff, row2, col2), half, v[2], v[2], a[2], b[2], c[2], c[2], flat)
-        put(here, COUPLE + 6 * LANES, (x, y, z), lane)
+        slopes, before, curve, couple = vertex_terms(four(here, FRAME, lane), four(after, FRAME, lane), cell, law, bent, kind)
+        put(here, SLOPE_BEFORE, slopes[0], lane)
+        put(here, SLOPE, slopes[1], lane)
+        put(here, CURVE_BEFORE, before[0], lane)
+        put(here, CURVE_BEFORE + 3 * LANES, before[1], lane)
+        put(here, CURVE, curve[0], lane)
+        put(here, CURVE + 3 * LANES, curve[1], lane)
+        put(here, COUPLE, couple[0], lane)
+        put(here, COUPLE + 3 * LANES, couple[1], lane)
+        put(here, COUPLE + 6 * LANES, couple[2], lane)
 
 
 @njit(cache=True, error_model="numpy")
 def _eliminate(before, here, sums):  # type: ignore[no-untyped-def]
-    """Diagonal block and right-hand sides of a segment, less what the segment before it leaves there; its inverse and what it carries."""
+    """Every segment, less what the one before it leaves there; its inverse and what it carries."""
     for lane in range(LANES):
-        x, y, z, w = four(here, FRAME, lane)
-        h, load = here[LENGTH + lane], three(here, WEIGHT, lane)
+        load = three(here, WEIGHT, lane)
         pull = load[0] + sums[FORCE + lane], load[1] + sums[FORCE + LANES + lane], load[2] + sums[FORCE + 2 * LANES + lane]
-        d1 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
-        d2 = 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
-        d3 = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
-        n0, n1, n2 = h * dot(d1, pull), h * dot(d2, pull), h * dot(d3, pull)
-        u0, u1, u2 = column(before, COUPLE, lane), column(before, COUPLE + LANES, lane), column(before, COUPLE + 2 * LANES, lane)
-        g0, g1, g2 = column(before, CARRY, lane), column(before, CARRY + LANES, lane), column(before, CARRY + 2 * LANES, lane)
-        a = before[CURVE + lane] + here[CURVE_BEFORE + lane] + n2 - dot(u0, g0)
-        b = before[CURVE + LANES + lane] + here[CURVE_BEFORE + LANES + lane] - dot(u0, g1)
-        c = before[CURVE + 2 * LANES + lane] + here[CURVE_BEFORE + 2 * LANES + lane] - 0.5 * n0 - dot(u0, g2)
-        d = before[CURVE + 3 * LANES + lane] + here[CURVE_BEFORE + 3 * LANES + lane] + n2 - dot(u1, g1)
-        e = before[CURVE + 4 * LANES + lane] + here[CURVE_BEFORE + 4 * LANES + lane] - 0.5 * n1 - dot(u1, g2)
-        f = before[CURVE + 5 * LANES + lane] + here[CURVE_BEFORE + 5 * LANES + lane] - dot(u2, g2)
-        sums[MISS + lane] += h * d3[0]
-        sums[MISS + LANES + lane] += h * d3[1]
-        sums[MISS + 2 * LANES + lane] += h * d3[2]
-        s, t = three(before, SLOPE, lane), three(here, SLOPE_BEFORE, lane)
-        put(here, COLUMN, (-h * d2[0], h * d1[0], -h * d2[1]), lane)
-        put(here, COLUMN + 3 * LANES, (h * d1[1], -h * d2[2], h * d1[2]), lane)
-        x0, x1, x2, x3 = _right_hand_sides(before, lane)
-        put(here, RIGHT, (-h * d2[0] - dot(g0, x0), h * d1[0] - dot(g1, x0), -dot(g2, x0)), lane)
-        put(here, RIGHT + 3 * LANES, (-h * d2[1] - dot(g0, x1), h * d1[1] - dot(g1, x1), -dot(g2, x1)), lane)
-        put(here, RIGHT + 6 * LANES, (-h * d2[2] - dot(g0, x2), h * d1[2] - dot(g1, x2), -dot(g2, x2)), lane)
-        slope = s[0] + t[0] + n1 - dot(g0, x3), s[1] + t[1] - n0 - dot(g1, x3), s[2] + t[2] - dot(g2, x3)
-        put(here, RIGHT + 9 * LANES, slope, lane)
-        size = abs(a) + abs(d) + abs(f) + 1e-300
-        a = a if abs(a) >= 1e-14 * size else 1e-14 * size
-        minor = a * d - b * b
-        minor = minor if abs(minor) >= 1e-28 * size * size else 1e-28 * size * size
-        p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
-        det = a * p + b * q + c * r
-        det = det if abs(det) >= 1e-42 * size * size * size else 1e-42 * size * size * size
-        sums[INERTIA + lane] += (1.0 if a < 0.0 else 0.0) + (1.0 if minor * a < 0.0 else 0.0) + (1.0 if det * minor < 0.0 else 0.0)
-        scale = 1.0 / det
-        i0, i1, i2 = scale * p, scale * q, scale * r
-        i3, i4, i5 = scale * (a * f - c * c), scale * (b * c - a * e), scale * minor
-        put(here, INVERSE, (i0, i1, i2), lane)
-        put(here, INVERSE + 3 * LANES, (i3, i4, i5), lane)
-        u0, u1, u2 = three(here, COUPLE, lane), three(here, COUPLE + 3 * LANES, lane), three(here, COUPLE + 6 * LANES, lane)
-        put(here, CARRY, weighted(i0, u0, i1, u1, i2, u2), lane)
-        put(here, CARRY + 3 * LANES, weighted(i1, u0, i3, u1, i4, u2), lane)
-        put(here, CARRY + 6 * LANES, weighted(i2, u0, i4, u1, i5, u2), lane)
+        couple = column(before, COUPLE, lane), column(before, COUPLE + LANES, lane), column(before, COUPLE + 2 * LANES, lane)
+        carried = column(before, CARRY, lane), column(before, CARRY + LANES, lane), column(before, CARRY + 2 * LANES, lane)
+        curve = three(before, CURVE, lane), three(before, CURVE + 3 * LANES, lane)
+        last = couple, carried, curve, three(before, SLOPE, lane), _right_hand_sides(before, lane)
+        own_curve = three(here, CURVE_BEFORE, lane), three(here, CURVE_BEFORE + 3 * LANES, lane)
+        own_couple = three(here, COUPLE, lane), three(here, COUPLE + 3 * LANES, lane), three(here, COUPLE + 6 * LANES, lane)
+        own = own_curve, three(here, SLOPE_BEFORE, lane), own_couple
+        inverse, carry, right, border, along, negative = eliminated(four(here, FRAME, lane), here[LENGTH + lane], pull, last, own)
+        put(here, INVERSE, inverse[0], lane)
+        put(here, INVERSE + 3 * LANES, inverse[1], lane)
+        put(here, CARRY, carry[0], lane)
+        put(here, CARRY + 3 * LANES, carry[1], lane)
+        put(here, CARRY + 6 * LANES, carry[2], lane)
+        put(here, RIGHT, right[0], lane)
+        put(here, RIGHT + 3 * LANES, right[1], lane)
+        put(here, RIGHT + 6 * LANES, right[2], lane)
+        put(here, RIGHT + 9 * LANES, right[3], lane)
+        put(here, COLUMN, border[0], lane)
+        put(here, COLUMN + 3 * LANES, border[1], lane)
+        add(sums, MISS, along, lane)
+        sums[INERTIA + lane] += negative
 
 
 @njit(cache=True, error_model="numpy")
 def _substitute(here, after, sums):  # type: ignore[no-untyped-def]
-    """Solution of a segment from that of the next, and its share of the Schur complement C^T H^-1 (C, gradient)."""
+    """Solution of every segment from that of the next, and its share of the Schur complement C^T H^-1 (C, gradient)."""
     for lane in range(LANES):
-        inverse, inverse_2 = three(here, INVERSE, lane), three(here, INVERSE + 3 * LANES, lane)
-        g0, g1, g2 = three(here, CARRY, lane), three(here, CARRY + 3 * LANES, lane), three(here, CARRY + 6 * LANES, lane)
-        r0, r1, r2, r3 = _right_hand_sides(here, lane)
-        y0, y1, y2, y3 = _right_hand_sides(after, lane)
-        x0 = solved(inverse, inverse_2, r0, g0, g1, g2, y0)
-        x1 = solved(inverse, inverse_2, r1, g0, g1, g2, y1)
-        x2 = solved(inverse, inverse_2, r2, g0, g1, g2, y2)
-        x3 = solved(inverse, inverse_2, r3, g0, g1, g2, y3)
-        put(here, RIGHT, x0, lane)
-        put(here, RIGHT + 3 * LANES, x1, lane)
-        put(here, RIGHT + 6 * LANES, x2, lane)
-        put(here, RIGHT + 9 * LANES, x3, lane)
-        c, d = three(here, COLUMN, lane), three(here, COLUMN + 3 * LANES, lane)
-        sums[SCHUR + lane] += c[0] * x0[0] + c[1] * x0[1]
-        sums[SCHUR + LANES + lane] += c[0] * x1[0] + c[1] * x1[1]
-        sums[SCHUR + 2 * LANES + lane] += c[2] * x1[0] + d[0] * x1[1]
-        sums[SCHUR + 3 * LANES + lane] += c[0] * x2[0] + c[1] * x2[1]
-        sums[SCHUR + 4 * LANES + lane] += c[2] * x2[0] + d[0] * x2[1]
-        sums[SCHUR + 5 * LANES + lane] += d[1] * x2[0] + d[2] * x2[1]
-        sums[SCHUR + 6 * LANES + lane] += c[0] * x3[0] + c[1] * x3[1]
-        sums[SCHUR + 7 * LANES + lane] += c[2] * x3[0] + d[0] * x3[1]
-        sums[SCHUR + 8 * LANES + lane] += d[1] * x3[0] + d[2] * x3[1]
+        inverse = three(here, INVERSE, lane), three(here, INVERSE + 3 * LANES, lane)
+        carry = three(here, CARRY, lane), three(here, CARRY + 3 * LANES, lane), three(here, CARRY + 6 * LANES, lane)
+        border = three(here, COLUMN, lane), three(here, COLUMN + 3 * LANES, lane)
+        beyond = _right_hand_sides(after, lane)
+        x, first, second, third = substituted(inverse, carry, _right_hand_sides(here, lane), border, beyond)
+        put(here, RIGHT, x[0], lane)
+        put(here, RIGHT + 3 * LANES, x[1], lane)
+        put(here, RIGHT + 6 * LANES, x[2], lane)
+        put(here, RIGHT + 9 * LANES, x[3], lane)
+        add(sums, SCHUR, first, lane)
+        add(sums, SCHUR + 3 * LANES, second, lane)
+        add(sums, SCHUR + 6 * LANES, third, lane)
 
 
 @njit(cache=True, error_model="numpy")
 def _close(sums):  # type: ignore[no-untyped-def]
     """Change of the force of the last clamp, which takes the place of the miss; its inertia joins that of the segments."""
     for lane in range(LANES):
-        a, b, d = three(sums, SCHUR, lane)
-        c, e, f = three(sums, SCHUR + 3 * LANES, lane)
-        y, miss = three(sums, SCHUR + 6 * LANES, lane), three(sums, MISS, lane)
-        y = y[0] - miss[0], y[1] - miss[1], y[2] - miss[2]
-        minor, p, q, r = a * d - b * b, d * f - e * e, c * e - b * f, b * e - c * d
-        det = a * p + b * q + c * r
-        scale, beside = 1.0 / det, b * c - a * e
-        change = weighted(scale * y[0], (p, q, r), scale * y[1], (q, a * f - c * c, beside), scale * y[2], (r, beside, minor))
-        sums[INERTIA + lane] += (1.0 if a > 0.0 else 0.0) + (1.0 if minor * a > 0.0 else 0.0) + (1.0 if det * minor > 0.0 else 0.0)
+        first, second, third = three(sums, SCHUR, lane), three(sums, SCHUR + 3 * LANES, lane), three(sums, SCHUR + 6 * LANES, lane)
+        change, positive = closed(first, second, third, three(sums, MISS, lane))
+        moves = sums[MOVES + lane]
         put(sums, MISS, change, lane)
-        moves, force = sums[MOVES + lane], three(sums, FORCE, lane)
-        put(sums, FORCE, (force[0] + moves * change[0], force[1] + moves * change[1], force[2] + moves * change[2]), lane)
+        add(sums, FORCE, (moves * change[0], moves * change[1], moves * change[2]), lane)
+        sums[INERTIA + lane] += positive
 
 
 @njit(cache=True, error_model="numpy")
 def _turn(here, sums):  # type: ignore[no-untyped-def]
-    """Turn a frame by its part of the step; sine and cosine are series, exact to rounding for turns of 1 rad about each axis."""
+    """Turn a frame by its part of the step."""
     for lane in range(LANES):
-        x0, x1, x2, x3 = _right_hand_sides(here, lane)
-        change, moves = three(sums, MISS, lane), 0.5 * sums[MOVES + lane]
-        t = weighted(change[0], x0, change[1], x1, change[2], x2)
-        t = t[0] - x3[0], t[1] - x3[1], t[2] - x3[2]
-        sums[LONGEST + lane] = larger(larger(sums[LONGEST + lane], abs(t[0])), larger(abs(t[1]), abs(t[2])))
-        t = moves * t[0], moves * t[1], moves * t[2]
-        a = dot(t, t)
-        sine = 1.0 - a * (1 / 6 - a * (1 / 120 - a * (1 / 5040 - a * (1 / F9 - a * (1 / F11 - a * (1 / F13 - a * (1 / F15)))))))
-        cosine = 1.0 - a * (1 / 2 - a * (1 / 24 - a * (1 / 720 - a * (1 / F8 - a * (1 / F10 - a * (1 / F12 - a * (1 / F14)))))))
-        x, y, z, w = product(four(here, FRAME, lane), (sine * t[0], sine * t[1], sine * t[2], cosine))
-        scale = 1.0 / math.sqrt(x * x + y * y + z * z + w * w)
-        put(here, FRAME, (scale * x, scale * y, scale * z), lane)
-        here[FRAME + 3 * LANES + lane] = scale * w
+        turn, moves = turn_of(_right_hand_sides(here, lane), three(sums, MISS, lane)), 0.5 * sums[MOVES + lane]
+        sums[LONGEST + lane] = larger(larger(sums[LONGEST + lane], abs(turn[0])), larger(abs(turn[1]), abs(turn[2])))
+        x, y, z, w = turned(four(here, FRAME, lane), (moves * turn[0], moves * turn[1], moves * turn[2]))
+        put(here, FRAME, (x, y, z), lane)
+        here[FRAME + 3 * LANES + lane] = w
 
 
 @njit(cache=True)

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 
 from protocol.errors import CablecosimError
-from protocol.kinds import Hold
 from protocol.messages import Problem, Shape
 from protocol.scene import Vector
 
@@ -26,11 +25,11 @@ from . import effects, kernels
 from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
 from .first_shape import from_grasps
+from .follower import chain_of, is_clamped
 from .following import SHORT, STEPS
 from .lane_rows import LANES
 from .lanes import follow_lanes
 from .mesh import even, stops
-from .rod import Rod
 from .solve import solve
 from .system import System
 from .task import Task
@@ -212,8 +211,9 @@ class FollowerBatch:
         rods, states = [system.rod for system, _ in ready], [found.state for _, found in ready]
         self.s = np.array([system.mesh.s for system, _ in ready[: self._count]])  # (k, n) m
         self.is_stable = np.ones(self._count, dtype=bool)  # (k,) whether the last equilibria are
-        self._vertex, self._lengths = _blocks([_vertices(rod) for rod in rods]), _blocks([rod.lengths[:, None] for rod in rods])
-        self._weight = _blocks([np.cumsum(rod.loads[::-1], axis=0)[::-1][1:] for rod in rods])
+        chains = [chain_of(rod) for rod in rods]
+        self._vertex, self._lengths = _blocks([chain.vertex for chain in chains]), _blocks([chain.lengths[:, None] for chain in chains])
+        self._weight = _blocks([chain.weight for chain in chains])
         pairs = zip(rods, states, strict=True)
         self._frames = _blocks([np.vstack([rod.clamp_frames[0], state.frames, rod.clamp_frames[1]]) for rod, state in pairs])
         self._force = _blocks([state.force for state in states])
@@ -238,9 +238,8 @@ class FollowerBatch:
 
 def _first(number: int, problem: Problem, gravity: Vector, segments: int) -> tuple[System, Settled]:
     """The equations of one cable of a batch, at rest."""
-    used, held, cable = effects.asked_for(problem, gravity), problem.grasps, problem.cable
-    is_clamped = held.hold == (Hold.CLAMP, Hold.CLAMP) and held.s[0] == 0.0 and held.s[1] == cable.length
-    if not is_clamped or problem.contacts is not None or "bending" not in used or "stretch" in used:
+    used, held = effects.asked_for(problem, gravity), problem.grasps
+    if not is_clamped(problem):
         raise CablecosimError(
             f"cable {number}: a FollowerBatch takes cables with 'bending', clamped at both ends, without stretch and contacts; "
             "use a Follower for others"
@@ -258,15 +257,6 @@ def _first(number: int, problem: Problem, gravity: Vector, segments: int) -> tup
     if not (found.is_converged and found.is_stable):
         raise CablecosimError(f"cable {number}: no first shape to follow: {WHY[found.why]}")
     return system, found
-
-
-def _vertices(rod: Rod) -> Array:
-    """(n, 7) Length, stiffness and natural curvature of the cell at every node; that of a clamp is half a segment."""
-    h, elastic = rod.lengths, rod.elastic
-    cells = 0.5 * np.concatenate([h[:1], h[1:] + h[:-1], h[-1:]])
-    law, bent = elastic.node_law.copy(), elastic.node_bent.copy()
-    law[[0, -1]], bent[[0, -1]] = elastic.law[[0, -1]], elastic.bent[[0, -1]]
-    return np.column_stack([cells, law, bent])
 
 
 def _blocks(of_cables: Sequence[Array] | Array) -> Array:
