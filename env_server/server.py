@@ -95,7 +95,7 @@ class Run:
 
     def _set_up(self) -> Stage:
         if not touch.is_compiled():
-            self._control.say("compiling the contact search, once: about 20 s (shapes are served by numpy meanwhile)")
+            self._control.say("compiling the contact search, once: about 20 s")
         touch.warm_up()
         stage = Stage(self._scene, self._control.say)
         self._control.say("waiting for the shape server")
@@ -107,12 +107,16 @@ class Run:
         end = time.monotonic() + self._patience
         while not self._control.is_stopped:
             try:
-                self._asker.greet(min(1.0, max(0.1, end - time.monotonic())))
+                kernels = self._asker.greet(min(1.0, max(0.1, end - time.monotonic())))
             except PeerLostError as error:
                 if time.monotonic() > end:
                     sentence = f"no shape server at {error.key} within {self._patience:g} s; start it with: python -m shape_server --bind"
                     raise PeerLostError(f"{sentence} {error.key}", key=error.key) from error
             else:
+                if kernels == "compiling":
+                    self._control.say(
+                        "compiling the kernels of the shapes beside the run, once: a minute or two; numpy serves meanwhile"
+                    )
                 return
 
     def _snapshot(self, stage: Stage) -> Snapshot:

@@ -75,10 +75,11 @@ def table(summary: Summary) -> Table:
     if set(summary["outcomes"]) - {Outcome.CONVERGED.value}:
         outcomes += "  [red]not all converged[/red]"
     above = f"; above the tolerance, or unknown, in {count} steps" if (count := summary["steps_above_tolerance"]) else ""
+    slow = f"; numpy solved {count} of the shapes" if (count := summary["solved_by"].get("numpy", 0)) else ""
     whole = summary["complete"] and summary["steps"] > 0
     rows: Iterable[tuple[str, str]] = (
         ("steps", f"{summary['steps']} of {summary['steps_planned']}" + ("" if whole else f"  [red]{escape(summary['sentence'])}[/red]")),
-        ("speed", "unknown" if (speed := summary["steps_per_second"]) is None else f"{speed:.0f} steps/s in the loop"),
+        ("speed", "unknown" if (speed := summary["steps_per_second"]) is None else f"{speed:.0f} steps/s in the loop{slow}"),
         ("wall time", "unknown" if summary["wall_s"] is None else f"{summary['wall_s']:.1f} s with start-up, pictures and replay"),
         ("outcomes", outcomes),
         ("worst penetration", _length(summary["worst_penetration_m"])),
@@ -105,6 +106,7 @@ class _Tally:
         self._bills: list[tuple[float, ...]] = []
         self._outcomes: Counter[str] = Counter()
         self._most: dict[str, float] = {}
+        self._paths: Counter[str] = Counter()
         self._contacts = self._rounds = self._collisions = self._above = 0
 
     def add(self, frame: Frame, tolerance: float) -> None:
@@ -124,6 +126,7 @@ class _Tally:
                 self._add_shape(shape)
 
     def _add_shape(self, shape: Shape) -> None:
+        self._paths[shape.cost.path] += 1
         self._note("tension", float(shape.tension.max(initial=-np.inf)))
         self._note("curvature", float(np.abs(shape.curvature).max(initial=0.0)))
         if shape.error is not None:
@@ -148,6 +151,7 @@ class _Tally:
             "worst_error_estimate_m": most.get("error"),
             "steps_above_tolerance": self._above,
             "outcomes": dict(sorted(self._outcomes.items())),
+            "solved_by": dict(sorted(self._paths.items())),
             "contacts_max": self._contacts,
             "rounds_max": self._rounds,
             "collisions": self._collisions,

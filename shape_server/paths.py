@@ -29,7 +29,8 @@ from protocol.scene import Cable
 from . import numpy_path
 
 CHOICES: Final = ("auto", "compiled", "numpy")
-STAMP: Final = "kernels.stamp"  # beside numba's cache: what the code in it was compiled from
+STAMP: Final = "kernels.stamp"  # beside numba's cache: what the code in it was compiled from, and whether all of it is
+BEGUN, DONE = "begun", "done"
 
 
 class Paths:
@@ -65,23 +66,37 @@ class Paths:
                 self.current = compile_kernels()
 
     def close(self) -> None:
-        """End the child, if there is one; what it has not yet put into the cache is lost, which does no harm."""
+        """End the child, if there is one; the next goes on from what it has put into the cache."""
         if self._child is not None:
             self._child.kill()
             self._child.wait()
 
 
 def is_compiled() -> bool:
-    """Whether numba's cache on disk holds the kernels as they are now."""
-    stamp = _cache() / STAMP
-    return stamp.is_file() and stamp.read_text(encoding="ascii") == _fingerprint()
+    """Whether numba's cache on disk holds all kernels as they are now."""
+    return _stamp() == [_fingerprint(), DONE]
 
 
 def forget_stale_kernels() -> None:
-    """Delete compiled code of other sources: numba sees a change of a function's own file, but not of one that it calls."""
-    if not is_compiled():
+    """Delete compiled code of other sources: numba sees a change of a function's own file, but not of one that it calls.
+
+    What was compiled from these sources stays, so that a compiler that was ended on its way goes on from there.
+    """
+    if _stamp()[:1] != [_fingerprint()]:
         for path in _cache().glob("*.nb[ic]"):
             path.unlink(missing_ok=True)
+        _set_stamp(BEGUN)
+
+
+def _stamp() -> list[str]:
+    """The fingerprint that the code in the cache belongs to, and `BEGUN` or `DONE`; empty without any."""
+    stamp = _cache() / STAMP
+    return stamp.read_text(encoding="ascii").split() if stamp.is_file() else []
+
+
+def _set_stamp(state: str) -> None:
+    _cache().mkdir(parents=True, exist_ok=True)
+    (_cache() / STAMP).write_text(f"{_fingerprint()} {state}\n", encoding="ascii")
 
 
 def _cache() -> Path:
@@ -120,7 +135,7 @@ def compile_kernels() -> ModuleType:
     warm = decode(encode(msgspec.structs.replace(request, problems=(msgspec.structs.replace(problem, start=start),))))
     assert isinstance(warm, ShapeRequest)
     solve(warm.problems[0], request.gravity, tolerance=request.tolerance, margin=True, path=kernels)
-    (_cache() / STAMP).write_text(_fingerprint(), encoding="ascii")
+    _set_stamp(DONE)
     return kernels
 
 

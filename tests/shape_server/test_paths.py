@@ -15,7 +15,7 @@ from rods import GRAVITY, cable, span
 from protocol.channel import Client
 from protocol.messages import AnyMessage, Beat, Message, Problem, ShapeReply, ShapeRequest
 from shape_server import kernels, numpy_path
-from shape_server.paths import CHOICES, Paths, compile_kernels, compiled_files, is_compiled
+from shape_server.paths import CHOICES, Paths, compile_kernels, compiled_files, forget_stale_kernels, is_compiled
 
 WAIT = 20.0  # s
 ASK = ShapeRequest(session="s", step=0, round=0, gravity=GRAVITY, tolerance=1e-3, problems=(Problem(cable=cable(), grasps=span()),))
@@ -58,6 +58,21 @@ def test_compiled_code_is_made_from_the_files_that_count_towards_its_fingerprint
     for file in files:
         imported = {node.module for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.ImportFrom) and node.level == 1}
         assert imported <= names, f"{file.name} takes {imported - names} from files whose changes would not be noticed"
+
+
+def test_a_compiler_that_was_ended_goes_on_from_there_and_code_of_other_sources_is_deleted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("shape_server.paths._cache", lambda: tmp_path / "cache")
+    forget_stale_kernels()
+    half_done = tmp_path / "cache" / "newton.newton_step-83.py311.nbi"
+    half_done.write_bytes(b"")
+    forget_stale_kernels()
+    assert half_done.exists()
+    assert not is_compiled()
+    monkeypatch.setattr("shape_server.paths._fingerprint", lambda: "another")
+    forget_stale_kernels()
+    assert not half_done.exists()
 
 
 def test_every_choice_has_a_state() -> None:
