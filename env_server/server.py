@@ -114,9 +114,7 @@ class Run:
                     raise PeerLostError(f"{sentence} {error.key}", key=error.key) from error
             else:
                 if kernels == "compiling":
-                    self._control.say(
-                        "compiling the kernels of the shapes beside the run, once: a minute or two; numpy serves meanwhile"
-                    )
+                    self._control.say("compiling the kernels of the shapes beside the run, once: a minute or two; numpy serves meanwhile")
                 return
 
     def _snapshot(self, stage: Stage) -> Snapshot:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .chain import interpolate_frames, retract
+from .chain import directors, interpolate_frames, retract
 from .equilibrium import EXACT
 from .newton import newton_step
 from .rod import State, look
@@ -16,14 +16,20 @@ STEPS = 6
 
 @njit(cache=True)
 def hold_at(rod, held, position, quaternion):  # type: ignore[no-untyped-def]
-    """Move the grasps of a rod to new poses, in place; `held` says which grasp each row, each clamp and the base belongs to."""
-    rows, clamps, base = held
+    """Move the grasps of a rod to new poses, in place.
+
+    `held` says which grasp each row belongs to, which director of its frame the row is along (-1 for an axis of the world), and which
+    grasp each clamp and the base is.
+    """
+    rows, along, clamps, base = held
     for k in range(3):
         rod.origin[k] = position[base, k]
     for clamp in range(len(clamps)):
         for k in range(4):
             rod.clamp_frames[clamp, k] = quaternion[clamps[clamp], k]
     for row in range(len(rows)):
+        if along[row] >= 0:
+            rod.held.axis[row] = directors(quaternion[rows[row] : rows[row] + 1])[0, along[row]]
         rod.held.goal[row] = 0.0
         for k in range(3):
             rod.held.goal[row] += rod.held.axis[row, k] * position[rows[row], k]
@@ -31,7 +37,7 @@ def hold_at(rod, held, position, quaternion):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-def]
-    """Move the grasps, and the state after them, in place.
+    """Move the grasps, and the state after them, in place; without contacts.
 
     Returns:
         Nodes (n, 3) [m], and 1 at a stable equilibrium, 0 at another, -1 if no step became short: the state is then as it was.
