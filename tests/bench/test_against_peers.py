@@ -6,7 +6,7 @@
 prints, for 200 small motions of a rod in the plane and in space, one row for every program and setting with its CPU time per motion and
 its largest error, and below them how many times longer each peer takes at equal error. Of every program only those settings count that no
 other one of its own beats in both; between them one goes along straight lines of log-log axes. The least ratio must reach ten, at
-whatever error the peer does best, or what is written at `REACHED`. Errors above 1 % of the length are of no use, errors below 1e-7 of no
+whatever error the peer does best. Errors above 1 % of the length are of no use, errors below 1e-7 of no
 interest: neither counts. A peer that is not installed is left out; the reason says how to install it.
 
 Problems are in `problems.py`, references in `references.py`, how time and error are taken in `timing.py`; how each peer was set up, and
@@ -35,13 +35,8 @@ from timing import Row, distance, follow, least_ratio, milliseconds, table, time
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(900), pytest.mark.filterwarnings("default")]
 
-FASTER = 10  # times, at equal error: the target
-REACHED = {
-    "SciPy solve_bvp": 6.0,  # measured 7.1 (planar, 3e-3), 11, 25, 27 (spatial, 1e-2); target 10
-    "MuJoCo 4 flex rod": 2.5,  # measured 2.9 and 3.6 (planar), 3.1 and 12 (spatial), all at 1e-2 of the length; target 10
-}
-"""Where a program does not take so long as the target: what is asserted instead, a little below what was measured."""
-FASTER_HANGING = 75  # measured 90; target 100
+FASTER = 10  # times, at equal error; measured 12.6 (MuJoCo, planar, at 1e-2 of the length) and more
+FASTER_HANGING = 100  # measured 120 to 127
 COARSEST, FINEST = 1e-2, 1e-7  # errors over the length that are compared
 PEERS = {peer.NAME: peer for peer in (peer_scipy, peer_mujoco, peer_cabledyn, peer_pyelastica)}
 DECADES = 10.0 ** np.arange(-2, -8, -1)
@@ -105,7 +100,7 @@ def test_at_equal_error_a_peer_takes_many_times_as_long(name: str, sequence: str
     ratio, error = least_ratio(mine, theirs, coarsest=COARSEST, finest=FINEST)
     decades = ", ".join(f"{time_for(theirs, at) / time_for(mine, at):.0f} at {at:.0e}" for at in DECADES if time_for(theirs, at) < np.inf)
     show(f"{sequence}: {name} takes {decades} times as long; at least {ratio:.1f} times, at {error:.1e}")
-    assert ratio >= REACHED.get(name, FASTER)
+    assert ratio >= FASTER
 
 
 def test_a_hanging_cable_of_100_nodes_takes_moorpy_many_times_as_long() -> None:

@@ -34,12 +34,14 @@ from protocol.codec import encode
 from protocol.messages import Problem, ShapeReply
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "shape_server"))
+sys.path[:0] = [str(HERE.parent / "shape_server"), str(HERE.parent / "validation")]
 
+from posed import cable as touching_cable  # noqa: E402
 from rods import GRAVITY, cable, contacts, random_spans, span, start_from  # noqa: E402
 from rods import Row as ContactRow  # noqa: E402
+from test_contact_reference import EDGES, clamps, on_mesh, over_the_edge  # noqa: E402
 
-from shape_server import effects, kernels, numpy_path, solve  # noqa: E402
+from shape_server import Follower, effects, kernels, numpy_path, solve  # noqa: E402
 from shape_server.equilibrium import Settled  # noqa: E402
 from shape_server.first_shape import from_grasps  # noqa: E402
 from shape_server.mesh import even, stops  # noqa: E402
@@ -49,11 +51,12 @@ from shape_server.task import Task  # noqa: E402
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(600), pytest.mark.filterwarnings("default")]
 
 # What is asserted where a target is not reached, or not on a machine whose other core is busy too; the table shows the target.
-SCIPY = 20.0  # measured 25 to 31; target 50
+SCIPY = 50.0  # measured 65 to 139; the target
 NUMPY_STEP = 3.0  # ms, measured 1.2 to 2.2; target 1.5
 FRESH = 2.0  # s, measured 1.3; target 1
 COLD = 2.0  # ms, measured 0.9 to 1.2; target 1
 
+SEGMENTS_TOUCHING = 160
 BASELINE = HERE / "baseline.json"
 LINES: list[str] = []
 SPATIAL = {"EI = 3e-3": spatial_motions(3e-3), "EI = 1e-2": spatial_motions(1e-2)}
@@ -113,6 +116,26 @@ def test_scipy_takes_many_times_as_long_at_equal_error(name: str) -> None:
     for error, ratio in ratios.items():
         say(f"P3 {name}, SciPy solve_bvp takes so many times as long at {error:g} L", ratio, 50.0, "x")
     assert min(ratios.values()) >= SCIPY
+
+
+def test_a_motion_over_an_edge_takes_less_than_a_millisecond() -> None:
+    """The far clamp goes round a circle in a hundred motions of 1.3 mm; error against solve_bvp where the circle closes."""
+    name, edge, exact = "middle", EDGES["middle"], over_the_edge("middle")
+    found = on_mesh(name, SEGMENTS_TOUCHING)
+    contact = edge.touched(float(found.contact_s[0]), found.contact_forces[0])
+    problem = Problem(cable=touching_cable(bending=edge.bending), grasps=clamps(), contacts=contact, start=start_from(found))
+    follower, times, held = Follower(problem, GRAVITY, segments=SEGMENTS_TOUCHING), [], problem.grasps
+    for turn in 2 * np.pi * np.arange(1, 101) / 100:
+        position = held.position.copy()
+        position[1] += 0.02 * np.array([np.sin(turn), 0.0, 1.0 - np.cos(turn)])
+        began = time.process_time()
+        nodes = follower.move(position, held.quaternion)
+        times.append(time.process_time() - began)
+    error = float(np.linalg.norm(nodes - exact.positions(follower.s), axis=1).max())
+    took = 1e3 * statistics.median(times)
+    say(f"a motion of 1.3 mm over an edge, {SEGMENTS_TOUCHING} segments, error {error:.1e} L", took, 0.6, "ms")
+    assert error < 1e-4
+    assert took < 2 * 0.6
 
 
 def test_a_newton_step_on_the_numpy_path_is_short() -> None:
