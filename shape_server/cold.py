@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from types import ModuleType
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Hold
 from protocol.messages import Grasps, Problem
 
 from .mesh import Mesh
+from .numpy_path import directors
 
 PULL: Final = 0.6  # of the cable's length: how far a start curve goes along its clamps
 """With 0.1, 0.3, 0.6 and 1 the descent ended at the lowest shape found in 184, 188, 188 and 170 of 196 problems, plane and random."""
@@ -54,7 +55,7 @@ def _downwards(gravity: np.ndarray, chord: np.ndarray) -> np.ndarray:
 def tangents_at(grasps: Grasps, gravity: np.ndarray) -> np.ndarray:
     """Tangent at every held point (g, 3): that of a clamp; at a hinge towards the next held point, sagging with gravity."""
     count = len(grasps.s)
-    out: np.ndarray = Rotation.from_quat(grasps.quaternion).apply([0.0, 0.0, 1.0])
+    out: np.ndarray = directors(grasps.quaternion)[:, 2].copy()
     down = gravity / max(float(np.linalg.norm(gravity)), 1e-300)
     for k in range(count):
         if grasps.hold[k] is Hold.HINGE:
@@ -75,9 +76,9 @@ def _rolled(mesh: Mesh, problem: Problem, tangents: np.ndarray, path: ModuleType
     quaternions: np.ndarray = path.frames_along(tangents, np.array(grasps.quaternion[anchor]), int(mesh.grasp_nodes[anchor]))
     rolls = [0.0]
     for place, k in enumerate(clamps[1:]):
-        clamp = Rotation.from_quat(grasps.quaternion[k])
-        reached = path.turn_onto(quaternions[int(mesh.grasp_nodes[k]) - 1], clamp.apply([0.0, 0.0, 1.0]))
-        missing = (Rotation.from_quat(reached).inv() * clamp).as_rotvec()[2]
+        clamp = grasps.quaternion[k]
+        reached = path.turn_onto(quaternions[int(mesh.grasp_nodes[k]) - 1], directors(clamp[None, :])[0, 2].copy())
+        missing = _roll(reached, clamp)
         # The roll nearest to that of the clamp before: no turns that nobody asked for.
         least = float((missing - rolls[-1] + np.pi) % (2 * np.pi) - np.pi)
         rolls.append(rolls[-1] + least + (2 * np.pi * turns[place] if turns else 0.0))
@@ -85,3 +86,11 @@ def _rolled(mesh: Mesh, problem: Problem, tangents: np.ndarray, path: ModuleType
         extra = np.interp(0.5 * (mesh.s[:-1] + mesh.s[1:]), grasps.s[clamps], rolls)
         quaternions = path.retract(quaternions, np.outer(extra, [0.0, 0.0, 1.0]))
     return quaternions
+
+
+def _roll(first: np.ndarray, second: np.ndarray) -> float:
+    """Turn [rad] about their common tangent from one frame to another, at most half a turn."""
+    x, y, z, w = first.tolist()
+    along = w * second[2] - x * second[1] + y * second[0] - z * second[3]
+    straight = float(first @ second)
+    return 2.0 * math.atan2(math.copysign(1.0, straight) * along, abs(straight))

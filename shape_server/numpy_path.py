@@ -9,8 +9,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import eigvals_banded, solve_banded
-from scipy.linalg.lapack import dpbtrf
 
 from . import kernels
 from .interpreted import interpreted
@@ -95,6 +93,9 @@ def columns(axes: Array, lengths: Array, base: int, element: Array, fraction: Ar
 
 def factor_and_solve(diagonal: Array, upper: Array, right: Array) -> int:
     """Solve the symmetric block-tridiagonal system for all right-hand sides, in place; count its negative eigenvalues."""
+    from scipy.linalg import eigvals_banded, solve_banded  # here: 0.1 s that whoever uses the kernels does without
+    from scipy.linalg.lapack import dpbtrf
+
     count, many = len(diagonal), right.shape[2]
     size = 3 * count
     band = np.zeros((11, size))  # band[5 + row - column, column]

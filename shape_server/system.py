@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from protocol.kinds import FRICTION_CODES, Friction, Hold
 from protocol.messages import PointLoads, Problem
@@ -16,6 +15,7 @@ from protocol.scene import Cable, Vector
 
 from . import effects
 from .mesh import Mesh
+from .numpy_path import directors
 from .rod import Elastic, Held, Rod, State, Touch
 
 KICK_MOST = 0.05  # rad, how far to go off a saddle
@@ -153,7 +153,7 @@ def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tup
 
 def _across(quaternion: np.ndarray) -> np.ndarray:
     """The two directions square to the tangent of a frame, (2, 3)."""
-    rows: np.ndarray = Rotation.from_quat(quaternion).as_matrix().T[:2]
+    rows: np.ndarray = directors(quaternion[None, :])[0, :2]
     return rows
 
 
