@@ -184,8 +184,8 @@ def test_memory_is_below_a_kilobyte_for_a_segment() -> None:
 
 def test_a_fresh_process_has_its_first_shape_soon() -> None:
     code = (
-        "import numpy as np; from protocol.kinds import Hold; from protocol.messages import Grasps, Problem; from protocol.scene import Cable\n"
-        "from shape_server import kernels, solve\n"
+        "import numpy as np; from shape_server import kernels, solve\n"
+        "from protocol.kinds import Hold; from protocol.messages import Grasps, Problem; from protocol.scene import Cable\n"
         "along_x = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0]); ends = np.array([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0]])\n"
         "cable = Cable(name='c', length=1.0, diameter=0.01, mass_per_length=0.1, bending=1e-2, twist=8e-3)\n"
         "held = Grasps(s=np.array([0.0, 1.0]), position=ends, quaternion=np.array([along_x] * 2), hold=(Hold.CLAMP,) * 2)\n"
