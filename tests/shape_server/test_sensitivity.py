@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from protocol.errors import CablecosimError
 from protocol.kinds import Feature, Friction, Hold, Outcome
-from protocol.messages import Grasps, Problem, Shape
+from protocol.messages import Grasps, PointLoads, Problem, Shape
+from protocol.scene import LumpedMass, Section
 from shape_server import Sensitivities, sensitivities, solve
 
 STEP = 1e-5  # m and rad; differences of fourth order
@@ -72,6 +73,24 @@ A_CLAMP_BETWEEN_HINGES = held(
     (0.0, (0, 0, 0), ALONG_X, Hold.HINGE), (0.6, (0.4, 0.05, -0.1), ALONG_X, Hold.CLAMP), (1.0, (0.7, 0.1, 0.1), TURNED, Hold.HINGE)
 )
 A_HINGE_AND_A_GUIDE = held((0.0, (0, 0, 0), ALONG_X, Hold.HINGE), (1.0, (0.6, 0.1, 0.2), TURNED, Hold.GUIDE))
+
+
+def with_everything() -> Problem:
+    """Two stiffnesses, natural curvature, a stiff part, a mass, a load, stretch; a clamp, a hinge, a guide; an edge."""
+    where = held(
+        (0.0, (0, 0, 0), ALONG_X, Hold.CLAMP), (0.6, (0.4, 0.05, -0.1), ALONG_X, Hold.HINGE), (1.0, (0.7, 0.1, 0.1), TURNED, Hold.GUIDE)
+    )
+    made = replace(
+        posed(where, stretch=20.0).cable,
+        bending_2=8e-3,
+        natural_curvature=(0.5, -1.0, 1.0),
+        sections=(Section(start=0.7, end=0.8, bending=2e-2),),
+        masses=(LumpedMass(at=0.85, mass=0.02),),
+    )
+    load = PointLoads(s=np.array([0.2]), force=np.array([[0.0, 0.1, 0.05]]))
+    return pressed(Problem(cable=made, grasps=where, loads=load), 0.3, by=0.01)
+
+
 FREE: dict[str, Callable[[], Problem]] = {
     "two clamps": lambda: posed(SPAN_3D),
     "clamp and hinge": lambda: posed(held((0.0, (0, 0, 0), ALONG_X, Hold.CLAMP), (1.0, (0.6, 0.1, 0.2), ALONG_X, Hold.HINGE))),
@@ -101,6 +120,7 @@ TOUCHING: dict[str, Callable[[], Problem]] = {
     "an edge, stretch": lambda: pressed(posed(SPAN_3D, stretch=20.0), 0.6, by=0.01),
     "an edge, a guide, stretch": lambda: pressed(posed(GUIDED, stretch=20.0), 0.4, by=0.01),
     "an edge beside an inner clamp": lambda: pressed(posed(A_CLAMP_BETWEEN_HINGES), 0.3, by=0.005),
+    "everything at once": with_everything,
     "a vertex": lambda: pressed(posed(SPAN_3D), 0.4, Feature.VERTEX, by=0.01, distance=0.02),
 }
 POSTURES = FREE | TOUCHING
