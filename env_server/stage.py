@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.cable import reaches_any_distance
 from protocol.errors import SceneError
 from protocol.kinds import Friction
 from protocol.messages import Grasps, Solid
@@ -148,11 +149,14 @@ class Stage:
         return self.world.torque_ratio(posture.joints, wrenches)
 
     def _check_reach_of_cables(self) -> None:
-        """Refuse a path that pulls two grippers further apart than the cable between them is long."""
+        """Refuse a path that pulls two grippers further apart than the cable between them reaches."""
         grippers, times = self.scene.grippers, self.path.times
         positions = np.array([self.path.at(float(time))[0] for time in times])  # (t, g, 3)
         for cable in self.scene.cables:
-            for first, last in pairwise(self.holders(cable.name)):
+            holders = self.holders(cable.name)
+            if reaches_any_distance(cable, (grippers[row].hold for row in holders)):
+                continue
+            for first, last in pairwise(holders):
                 span = grippers[last].at - grippers[first].at
                 chords = np.linalg.norm(positions[:, last] - positions[:, first], axis=1)
                 if chords.max() > span:

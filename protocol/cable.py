@@ -6,11 +6,13 @@ The same frozen dataclasses serve the scene file, its validation and the wire. B
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Gt, Le, MinLen
+
+from .kinds import Hold
 
 Vector = tuple[float, float, float]
 
@@ -30,6 +32,7 @@ MASS_MAX: Final = 1e4  # kg/m
 STIFFNESS_MAX: Final = 1e9  # N m^2
 FORCE_MAX: Final = 1e12  # N
 CURVATURE_MAX: Final = 1e5  # 1/m
+SECTIONS_MAX: Final = 1_000  # sections, and lumped masses, of one cable
 Positive = Annotated[float, Gt(0)]
 
 
@@ -76,8 +79,17 @@ class Cable:
     masses: tuple[LumpedMass, ...] = ()
 
 
+def reaches_any_distance(cable: Cable, holds: Iterable[Hold]) -> bool:
+    """Whether held points of a cable may be further apart than it is long: it stretches, or slides in a guide."""
+    return cable.stretch is not None or Hold.GUIDE in holds
+
+
 def cable_mistakes(cable: Cable) -> Iterator[tuple[str, str]]:
     """What does not go together in the numbers of a cable: key and sentence, which begins with the key."""
+    for name in ("sections", "masses"):
+        count = len(getattr(cable, name))
+        if count > SECTIONS_MAX:
+            yield name, f"{name}: {count} entries are too many; at most {SECTIONS_MAX}"
     if (cable.bending is None) != (cable.twist is None):
         missing = "twist" if cable.twist is None else "bending"
         yield missing, f"{missing}: missing; a cable has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)"

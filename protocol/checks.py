@@ -13,7 +13,6 @@ from .errors import MessageError
 NODES_MAX: Final = 20_000
 CONTACTS_MAX: Final = 5_000
 GRASPS_MAX: Final = 100
-SECTIONS_MAX: Final = 1_000
 HUGE: Final = 1e12  # in any unit; a number beyond this is a mistake
 EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
 
@@ -21,14 +20,12 @@ EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
 def check_cable(cable: Cable) -> None:
     """Check the numbers of a cable that came over the wire."""
     _check_numbers("cable", cable)
-    check_count("cable.sections", len(cable.sections), SECTIONS_MAX)
-    check_count("cable.masses", len(cable.masses), SECTIONS_MAX)
+    for name, sentence in cable_mistakes(cable):
+        raise MessageError(f"cable.{sentence}", key=f"cable.{name}")
     for index, section in enumerate(cable.sections):
         _check_numbers(f"cable.sections[{index}]", section)
     for index, mass in enumerate(cable.masses):
         _check_numbers(f"cable.masses[{index}]", mass)
-    for name, sentence in cable_mistakes(cable):
-        raise MessageError(f"cable.{sentence}", key=f"cable.{name}")
 
 
 def _check_numbers(key: str, value: Cable | Section | LumpedMass) -> None:

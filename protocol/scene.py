@@ -21,7 +21,7 @@ from .cable import Positive as Positive
 from .cable import Section as Section
 from .cable import Unit as Unit
 from .cable import Vector as Vector
-from .cable import cable_mistakes
+from .cable import cable_mistakes, reaches_any_distance
 from .errors import SceneError
 from .kinds import Friction, Hold
 
@@ -209,7 +209,7 @@ def _check_target(key: str, target: Target, grippers: dict[str, Gripper], bodies
 
 
 def _check_distances(scene: Scene, cables: dict[str, Cable]) -> None:
-    """Held points of one cable must differ along it, and be no further apart than the cable between them."""
+    """Held points of one cable must differ along it, and be no further apart than a cable that keeps its length reaches."""
     for cable in scene.cables:
         held = sorted((g for g in scene.grippers if g.cable == cable.name), key=lambda g: g.at)
         if not held:
@@ -222,7 +222,7 @@ def _check_distances(scene: Scene, cables: dict[str, Cable]) -> None:
                     "hold it at two places",
                     key="grippers",
                 )
-            if chord > span:
+            if chord > span and not reaches_any_distance(cable, (gripper.hold for gripper in held)):
                 raise SceneError(
                     f"grippers: '{first.name}' and '{second.name}' start {chord:.4g} m apart, further than the {span:.4g} m of cable "
                     f"'{cable.name}' between them; bring them within {span:.4g} m",

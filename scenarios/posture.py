@@ -39,9 +39,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from annotated_types import Ge, Le, MinLen
 
-from protocol.cable import cable_mistakes
+from protocol.cable import cable_mistakes, reaches_any_distance
 from protocol.errors import MessageError
-from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold, Model
+from protocol.kinds import FRICTION_CODES, Feature, Friction, Model
 from protocol.scene import STRICT, Cable, Metres, Positive, Unit, Vector
 
 from .document import Document, read_text
@@ -169,10 +169,10 @@ def _of_places(posture: Posture) -> Iterator[Mistake]:
 def _too_far_apart(posture: Posture) -> Iterator[Mistake]:
     """Held points that are one, or that the cable between them cannot reach; one that stretches or slides in a guide may."""
     held = sorted(range(len(posture.grasps)), key=lambda index: posture.grasps[index].at)
+    reaches_further = reaches_any_distance(posture.cable, (grasp.hold for grasp in posture.grasps))
     for first, second in pairwise(held):
         one, two = posture.grasps[first], posture.grasps[second]
         span, chord = two.at - one.at, math.dist(one.position, two.position)
-        reaches_further = posture.cable.stretch is not None or Hold.GUIDE in (one.hold, two.hold)
         if span < 1e-6 * posture.cable.length:
             text = f"{two.at:g} m is where grasps[{first}] holds the cable already; hold it at two places"
             yield Mistake(("grasps", second, "at"), text)

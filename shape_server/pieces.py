@@ -35,7 +35,7 @@ def split(problem: Problem, gravity: Vector) -> list[Problem]:
     ends = cuts(problem)
     if problem.start is not None:
         from_nodes(problem.start.s, problem.cable.length, problem.grasps.s)  # refuses a start that misses a cut
-    places = [_places(problem, first, last) for first, last in pairwise(ends)]
+    places = [of_piece(problem, first, last) for first, last in pairwise(ends)]
     forces = _start_forces(problem, gravity, ends, places)
     pieces = []
     for (first, last), (grasps, contacts), force in zip(pairwise(ends), places, forces, strict=True):
@@ -81,7 +81,7 @@ def join(problem: Problem, shapes: list[Shape]) -> Shape:
     count = 0 if problem.contacts is None else len(problem.contacts.s)
     contact_forces, contact_s = np.zeros((count, 3)), np.zeros(count)
     for (first, last), shape in zip(pairwise(ends), shapes, strict=True):
-        grasps, contacts = _places(problem, first, last)
+        grasps, contacts = of_piece(problem, first, last)
         wrenches[grasps] += shape.grasp_wrenches
         contact_forces[contacts] = shape.contact_forces
         contact_s[contacts] = shape.contact_s + first
@@ -148,7 +148,7 @@ def _turns(problem: Problem, grasps: np.ndarray) -> tuple[int, ...]:
     return problem.turns[own[0] : own[-1]] if len(own) > 1 else ()
 
 
-def _places(problem: Problem, first: float, last: float) -> tuple[np.ndarray, np.ndarray]:
+def of_piece(problem: Problem, first: float, last: float) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the grasps and of the contacts of one piece; a clamp between two pieces belongs to both."""
     near = END * problem.cable.length
     held = problem.grasps.s

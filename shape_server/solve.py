@@ -8,7 +8,8 @@ from types import ModuleType
 
 import numpy as np
 
-from protocol.kinds import Hold, Model, Outcome
+from protocol.cable import reaches_any_distance
+from protocol.kinds import Model, Outcome
 from protocol.messages import Problem, Shape, ShapeRequest
 from protocol.scene import Vector
 
@@ -104,9 +105,9 @@ def _not_a_rod(problem: Problem) -> str:
 
 
 def _too_far(problem: Problem) -> str:
-    """Why the held points cannot be reached; empty if they can. A cable that stretches reaches everything."""
+    """Why the held points cannot be reached; empty if they can."""
     grasps = problem.grasps
-    if problem.cable.stretch is not None or Hold.GUIDE in grasps.hold:
+    if reaches_any_distance(problem.cable, grasps.hold):
         return ""
     chords = np.linalg.norm(np.diff(grasps.position, axis=0), axis=1)
     for k, (span, chord) in enumerate(zip(np.diff(grasps.s), chords, strict=True)):

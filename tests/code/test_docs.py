@@ -14,7 +14,7 @@ import pytest
 from annotated_types import Le
 from rooms import ROOT
 
-from protocol import VERSION, channel, checks, kinds, messages, parts, scene
+from protocol import VERSION, cable, channel, kinds, messages, parts, scene
 from protocol.codec import decode, encode
 from protocol.messages import AnyMessage, Hello, Message, Part, ShapeRequest
 from shape_server import numpy_path
@@ -76,8 +76,8 @@ def test_the_page_is_of_this_version_and_has_its_limits() -> None:
         "grasps": messages.GRASPS_MAX,
         "contacts": messages.CONTACTS_MAX,
         "point loads": messages.CONTACTS_MAX,
-        "sections": checks.SECTIONS_MAX,
-        "lumped masses": checks.SECTIONS_MAX,
+        "sections": cable.SECTIONS_MAX,
+        "lumped masses": cable.SECTIONS_MAX,
         "nodes": messages.NODES_MAX,
         "turns": parts.TURNS_MAX,
         "branch": parts.BRANCHES_MAX,

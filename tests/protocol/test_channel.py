@@ -116,7 +116,9 @@ def test_a_second_program_at_one_address_is_refused_and_the_first_still_served(s
 
 def test_an_address_is_free_again_after_its_owner_has_gone(folder: Path) -> None:
     for _ in range(3):
-        Server(f"ipc://{folder}/again", Welcome).close()
+        with closing(Server(f"ipc://{folder}/again", Welcome)) as server, closing(Client(server.address, "test")) as client:
+            client.send(Stop())
+            assert (server.receive(LIMIT) or (b"", None))[1] == Stop()
 
 
 def test_a_taken_port_and_a_folder_that_does_not_exist_are_refused_with_a_sentence(folder: Path) -> None:
@@ -262,6 +264,12 @@ def test_a_reply_to_a_peer_that_has_gone_is_dropped(folder: Path) -> None:
         time.sleep(0.2)
         server.send(peer, Done())
         server.send(b"never there", Done())
+        with closing(Client(server.address, "test")) as other:
+            other.send(Stop())
+            peer, message = server.receive(LIMIT) or (b"", None)
+            assert message == Stop()
+            server.send(peer, Done())
+            assert other.receive(LIMIT) == Done()
 
 
 def test_every_recorder_is_counted(folder: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import random
 import subprocess
 import sys
@@ -144,7 +143,7 @@ def test_columns_of_different_length_are_refused(names: tuple[str, str], sizes: 
         old = at(plain, ("problems", 0, "contacts", name))
         rows = np.frombuffer(old["data"], old["dtype"]).reshape(old["shape"])
         plain = replaced(plain, ("problems", 0, "contacts", name), array(np.resize(rows, (size, *rows.shape[1:])), old["dtype"]))
-    refusal(plain)
+    assert refusal(plain).key.startswith("contacts.")
 
 
 @pytest.mark.parametrize("plain", PLAIN, ids=NAMES)
@@ -209,20 +208,18 @@ def test_every_value_of_every_message_may_be_replaced_by_anything_and_only_our_e
         array(0.0),
         array([0, 1], "<i8"),
     ]
-    for plain in PLAIN:
-        for path, _ in places(plain):
-            for new in strange:
-                only_ours(msgpack.packb(replaced(plain, path, new)))
+    refused = [is_refused(msgpack.packb(replaced(plain, path, new))) for plain in PLAIN for path, _ in places(plain) for new in strange]
+    assert len(refused) > 10_000
+    assert 0.85 < np.mean(refused) < 0.95  # measured 9216 of 10098
 
 
 def test_any_array_may_have_any_other_shape_and_only_our_errors_come_of_it() -> None:
     shapes: list[list[int]] = [[], [0], [1], [2], [5], [0, 0], [0, 3], [1, 3], [2, 2], [3, 4], [4, 1], [7, 3]]
-    for plain in PLAIN:
-        for path, value in places(plain):
-            if isinstance(value, dict) and "dtype" in value:
-                for shape in shapes:
-                    for dtype in ("<f8", "<i8"):
-                        only_ours(msgpack.packb(replaced(plain, path, array(np.ones(shape, dtype), dtype))))
+    arrays = [(plain, path) for plain in PLAIN for path, value in places(plain) if isinstance(value, dict) and "dtype" in value]
+    new = [array(np.ones(shape, dtype), dtype) for shape in shapes for dtype in ("<f8", "<i8")]
+    refused = [is_refused(msgpack.packb(replaced(plain, path, value))) for plain, path in arrays for value in new]
+    assert len(refused) == 24 * len(arrays)
+    assert 0.95 < np.mean(refused) < 0.995  # measured 1089 of 1104
 
 
 @pytest.mark.parametrize("message", EVERY, ids=NAMES)
@@ -242,6 +239,7 @@ def test_a_message_with_something_behind_it_is_refused(message: AnyMessage) -> N
 def test_five_thousand_mutations_give_a_message_or_one_of_our_errors() -> None:
     chance = random.Random(20240601)
     encoded = [encode(message) for message in EVERY]
+    refused = []
     for _ in range(5000):
         data = bytearray(chance.choice(encoded))
         for _ in range(chance.choice((1, 1, 2, 8))):
@@ -256,7 +254,8 @@ def test_five_thousand_mutations_give_a_message_or_one_of_our_errors() -> None:
                 case _:
                     del data[place : place + chance.randrange(1, 9)]
             data = data or bytearray(1)
-        only_ours(bytes(data))
+        refused.append(is_refused(bytes(data)))
+    assert 0.9 < np.mean(refused) < 0.97  # measured 4709 of 5000
 
 
 @pytest.mark.parametrize("nested", [b"\x91", b"\x81\xa1x"], ids=["arrays", "maps"])
@@ -316,7 +315,10 @@ def test_an_error_may_carry_any_sentence() -> None:
     assert decode(encode(message)) == message
 
 
-def only_ours(data: bytes) -> None:
-    """Decode, and let nothing but our own errors pass."""
-    with contextlib.suppress(CablecosimError):
+def is_refused(data: bytes) -> bool:
+    """Whether decoding gives one of our own errors; any other passes."""
+    try:
         decode(data)
+    except CablecosimError:
+        return True
+    return False

@@ -100,3 +100,16 @@ def test_a_posture_that_asks_for_nothing_more_leaves_it_out_of_the_request(tmp_p
 
     assert (request.budget, request.margin) == (None, False)
     assert (problem.loads, problem.model, problem.turns, problem.branch) == (None, Model.AUTO, (), 0)
+
+
+def test_one_guide_lets_the_whole_cable_slide_as_the_solver_has_it(tmp_path: Path) -> None:
+    """The clamps at 0.5 and 1 m are 1.3 m apart, and the guide is elsewhere."""
+    clamp = "[[grasps]]\nat = 0.5\nposition = [0.3, 0, 0]\ntangent = [0, 0, 1]\n"
+    guide = '[[grasps]]\nat = 0.2\nposition = [0.1, 0, 0]\ntangent = [0, 0, 1]\nhold = "guide"\n'
+    far = GOOD.replace("0.6, 0, 0", "1.6, 0, 0")
+    file = tmp_path / "posture.toml"
+    file.write_text(far + clamp + guide)
+    assert len(load_posture(file).grasps) == 4
+    file.write_text(far + clamp)
+    with pytest.raises(SceneError, match=r"grasps\[0\]\.position: is 1.3 m from grasps\[2\]"):
+        load_posture(file)

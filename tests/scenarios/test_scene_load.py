@@ -165,6 +165,21 @@ def test_a_mistake_gives_one_sentence(old: str, new: str, sentence: str | None, 
         assert found[0] == sentence.removeprefix(":")
 
 
+@pytest.mark.parametrize("change", [("bending =", 'stretch = "2 kN"\nbending ='), ("at = 1.2", 'at = 1.2\nhold = "guide"')])
+def test_a_cable_that_stretches_or_slides_may_start_further_apart_than_it_is_long(change: tuple[str, str], tmp_path: Path) -> None:
+    assert load(write(tmp_path, GOOD.replace('"300 mm"', "3").replace(*change))).grippers[0].position[1] == 3.0
+
+
+@pytest.mark.parametrize(("name", "entry"), [("sections", "{{start = {0}e-4, end = {1}e-4}}"), ("masses", '{{at = {0}e-4, mass = "1 g"}}')])
+def test_a_cable_of_more_parts_than_a_message_may_hold_is_refused(name: str, entry: str, tmp_path: Path) -> None:
+    def scene(count: int) -> str:
+        parts = ", ".join(entry.format(k, k + 1) for k in range(count))
+        return GOOD.replace("twist = 0.016", f"twist = 0.016\n{name} = [{parts}]")
+
+    assert sentences(write(tmp_path, scene(1001))) == [f"11: cables[0].{name}: 1001 entries are too many; at most 1000"]
+    assert len(getattr(load(write(tmp_path, scene(1000))).cables[0], name)) == 1000
+
+
 def test_all_mistakes_are_told_at_once_in_the_order_of_lines(tmp_path: Path) -> None:
     text = GOOD
     for old, new in (("bending =", "bendin ="), ('"300 mm"', '"x"'), ('"bond"', '"glue"'), ("length = 1.2", "length = 0")):

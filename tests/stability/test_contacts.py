@@ -117,8 +117,12 @@ def test_a_wild_force_to_start_from_does_not_change_the_answer(force: float) -> 
 
 
 def test_a_feature_without_thickness_is_answered() -> None:
-    touched(edge(0.5, 0.0, distance=0.0))
-    touched(Row(s=0.5, point=free().nodes[len(free().s) // 2], feature=Feature.VERTEX, distance=0.0))
+    at = free().nodes[len(free().s) // 2]
+    for row in (edge(0.5, RADIUS, distance=0.0), Row(s=0.5, point=at, feature=Feature.VERTEX, distance=0.0)):
+        shape = touched(row)
+        assert shape.outcome is Outcome.CONVERGED, shape.sentence
+        np.testing.assert_allclose(shape.nodes, free().nodes, atol=1e-9)  # m; measured 9e-13
+        assert np.linalg.norm(shape.contact_forces) < 1e-3  # N; measured 0
 
 
 BONDS = {
@@ -216,6 +220,7 @@ def test_alternating_contact_settles_on_either_side() -> None:
 def test_numbers_stay_finite_for_random_rows() -> None:
     """Forty requests with up to six random rows near the cable: an honest answer each time."""
     rng = np.random.default_rng(11)
+    shapes = []
     for _ in range(40):
         rows = []
         for _ in range(rng.integers(1, 7)):
@@ -236,7 +241,9 @@ def test_numbers_stay_finite_for_random_rows() -> None:
                     friction=Friction.BOND if rng.random() < 0.2 else Friction.NONE,
                 )
             )
-        touched(*rows)
+        shapes.append(touched(*rows))
+    converged = [shape for shape in shapes if shape.outcome is Outcome.CONVERGED]
+    assert len(converged) >= 38  # measured 39 of 40; a bond and an edge may want the same point at two places
 
 
 def test_the_frames_of_the_clamps_do_not_matter_to_a_floor() -> None:
