@@ -25,12 +25,10 @@ def is_too_coarse(shape: Shape, tolerance: float) -> bool:
 
 def is_too_fine(shape: Shape, grasps: Grasps, tolerance: float) -> bool:
     """Whether every second node will do; every held point must be one of them."""
-    if shape.error is None or FOURFOLD * shape.error > tolerance:
+    if shape.error is None or FOURFOLD * shape.error > tolerance or len(shape.frames) < 2 * SEGMENTS_LEAST or len(shape.frames) % 2:
         return False
-    fewer = shape.s[::2]
-    near = np.searchsorted(fewer, grasps.s - 1e-9 * shape.s[-1])
-    is_kept = bool((np.abs(fewer[np.minimum(near, len(fewer) - 1)] - grasps.s) < 1e-9 * shape.s[-1]).all())
-    return is_kept and fewer[-1] == shape.s[-1] and len(fewer) > SEGMENTS_LEAST
+    fewer, near = shape.s[::2], 1e-9 * shape.s[-1]
+    return bool((np.abs(fewer[np.minimum(np.searchsorted(fewer, grasps.s - near), len(fewer) - 1)] - grasps.s) < near).all())
 
 
 def finer(shape: Shape) -> Shape:

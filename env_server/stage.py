@@ -36,7 +36,7 @@ class Posture:
 
     time: float  # s
     positions: np.ndarray  # (g, 3) m, of the grippers
-    rotations: np.ndarray  # (g, 3, 3) of the grippers
+    quaternions: np.ndarray  # (g, 4) of the cable's frame at each gripper
     joints: np.ndarray  # (j,) rad or m
     links: np.ndarray  # (l, 7) poses of the robot's links
     surfaces: np.ndarray  # (s, 7) poses of everything that a cable can touch
@@ -100,11 +100,10 @@ class Stage:
     def grasps(self, cable: str, posture: Posture) -> Grasps:
         """Boundary conditions that the grippers set for a cable, in the order of growing arc length."""
         rows = self.holders(cable)
-        frames = cable_frames(posture.rotations[rows])
         return Grasps(
             s=np.array([self.scene.grippers[row].at for row in rows]),
             position=posture.positions[rows],
-            quaternion=Rotation.from_matrix(frames).as_quat(),
+            quaternion=posture.quaternions[rows],
             hold=tuple(self.scene.grippers[row].hold for row in rows),
         )
 
@@ -171,7 +170,8 @@ class Stage:
     def _posture(self, time: float, joints: np.ndarray) -> Posture:
         positions, rotations = self.path.at(time)
         links = self.robot.link_poses(joints) if self.robot is not None else np.zeros((0, 7))
-        return Posture(time, positions, rotations, joints, links, np.vstack([self._body_poses, links[self._link_rows]]))
+        quaternions = Rotation.from_matrix(cable_frames(rotations)).as_quat()
+        return Posture(time, positions, quaternions, joints, links, np.vstack([self._body_poses, links[self._link_rows]]))
 
     def _plan(self) -> np.ndarray:
         """Joints (steps + 1, j) of the whole path."""
