@@ -31,9 +31,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import catenary_kernels
+from .interpreted import interpreted
+
 TAUT = 1e-12  # of the length; a rigid cable with less slack is given this much, so that its tension stays finite
 FOLDED = 1e-12  # of the length; ends nearer to one vertical than this hang double, or straight down
 STEPS_MAX = 200  # of Newton's method; measured 5 to 12, and up to 54 for a stretched cable beside the vertical
+_plain = interpreted({"parameter": catenary_kernels.parameter, "sinh_over": catenary_kernels.sinh_over}, {})
+parameter, _sinh_over = _plain["parameter"], _plain["sinh_over"]
 
 
 @dataclass(frozen=True)
@@ -112,19 +117,6 @@ def hang_elastic(start: np.ndarray, end: np.ndarray, length: float, load: np.nda
     return _piece(start, plane, horizontal, horizontal * math.sinh(lean - u), length, stretch, s)
 
 
-def parameter(excess: float) -> float:
-    """Positive x with sinh(x) / x = 1 + excess, for excess > 0, by Newton's method on the logarithm."""
-    x = math.sqrt(6 * excess) if excess < 3 else math.log(2 * (1 + excess) * math.log(2 * (1 + excess)))
-    goal = math.log1p(excess)
-    for _ in range(60):
-        grown, over = _sinh_over(x)
-        step = x * (math.log1p(grown) - goal) / over
-        x -= min(step, 0.5 * x)
-        if abs(step) < 1e-15 * x:
-            break
-    return x
-
-
 def straight(start: np.ndarray, end: np.ndarray, length: float, s: np.ndarray) -> np.ndarray:
     """Nodes (n, 3) of a taut piece."""
     return start + np.outer(s / length, end - start)
@@ -194,19 +186,6 @@ def _elastic_parameter(d: float, r: float, chord: float, e: float) -> float:
             break
         u = following
     return u
-
-
-def _sinh_over(u: float) -> tuple[float, float]:
-    """The pair sinh(u)/u - 1 and u coth(u) - 1, without cancellation."""
-    if u > 1:
-        ratio = math.sinh(u) / u
-        return ratio - 1, u / math.tanh(u) - 1
-    term, grown, difference = 1.0, 0.0, 0.0
-    for j in range(2, 22, 2):
-        term *= u * u / (j * (j + 1))  # u^j / (j+1)!
-        grown += term
-        difference += j * term
-    return grown, difference / (1 + grown)
 
 
 def _weightless(start: np.ndarray, end: np.ndarray, length: float, stretch: float, s: np.ndarray) -> Piece:

@@ -75,18 +75,18 @@ def _end_forces(span, rise, chord, length, weight):  # type: ignore[no-untyped-d
         return 0.0, -0.5 * weight * (length - rise)
     left = max(length - chord, TAUT * length) * (length + chord)
     root = math.sqrt(left + span * span)
-    u = _parameter(left / (span * (span + root)))
+    u = parameter(left / (span * (span + root)))
     horizontal = weight * span / (2.0 * u)
     return horizontal, horizontal * math.sinh(math.asinh(rise / root) - u)
 
 
 @njit(cache=True)
-def _parameter(excess):  # type: ignore[no-untyped-def]
+def parameter(excess):  # type: ignore[no-untyped-def]
     """Positive x with sinh(x) / x = 1 + excess."""
     x = math.sqrt(6.0 * excess) if excess < 3.0 else math.log(2.0 * (1.0 + excess) * math.log(2.0 * (1.0 + excess)))
     goal = math.log1p(excess)
     for _ in range(60):
-        grown, over = _sinh_over(x)
+        grown, over = sinh_over(x)
         step = x * (math.log1p(grown) - goal) / over
         x -= min(step, 0.5 * x)
         if abs(step) < 1e-15 * x:
@@ -95,7 +95,7 @@ def _parameter(excess):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _sinh_over(u):  # type: ignore[no-untyped-def]
+def sinh_over(u):  # type: ignore[no-untyped-def]
     """The pair sinh(u)/u - 1 and u coth(u) - 1, without cancellation."""
     if u > 1.0:
         return math.sinh(u) / u - 1.0, u / math.tanh(u) - 1.0

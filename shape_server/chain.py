@@ -126,3 +126,17 @@ def blend_frames(frames, nearest, weights):  # type: ignore[no-untyped-def]
         for k in range(4):
             out[i, k] *= size
     return out
+
+
+@njit(cache=True)
+def combined_nodes(coarse, fine):  # type: ignore[no-untyped-def]
+    """Nodes (n, 3) [m] of fourth order from those of two meshes, (n, 3) and (2n-1, 3), and their largest distance [m]; see `richardson`."""
+    out, apart = np.empty_like(coarse), 0.0
+    for i in range(len(coarse)):
+        size = 0.0
+        for k in range(3):
+            difference = fine[2 * i, k] - coarse[i, k]
+            out[i, k] = fine[2 * i, k] + difference / 3.0
+            size += difference * difference
+        apart = max(apart, np.sqrt(size))
+    return out, apart

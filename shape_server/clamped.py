@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .chain import blend_frames
+from .chain import blend_frames, combined_nodes
 from .chain_terms import closed, eliminated, larger, substituted, turn_of, turned, vertex_terms
 from .vertices import CLAMP, INNER
 
@@ -73,16 +73,8 @@ def follow_clamped_nested(chain, finer, blend, frames, force, position, quaterni
     _, more = _settle(finer, fine, (force[0], force[1], force[2]), position, 1.0, 1)
     if more < 0:
         return nodes, more, np.inf
-    halves = _nodes(finer.lengths, fine, position)
-    apart = 0.0
-    for i in range(len(nodes)):
-        size = 0.0
-        for k in range(3):
-            difference = halves[2 * i, k] - nodes[i, k]
-            nodes[i, k] = halves[2 * i, k] + difference / 3.0
-            size += difference * difference
-        apart = max(apart, np.sqrt(size))
-    return nodes, verdict, apart
+    out, apart = combined_nodes(nodes, _nodes(finer.lengths, fine, position))
+    return out, verdict, apart
 
 
 @njit(cache=True)

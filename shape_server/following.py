@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .chain import directors, interpolate_frames, retract
+from .chain import combined_nodes, directors, interpolate_frames, retract
 from .equilibrium import EXACT
 from .newton import newton_step
 from .rod import State, look
@@ -99,12 +99,5 @@ def follow_nested(rod, finer, held, state, between, position, quaternion):  # ty
     _, fine, more = _settled(finer, begun, 1.0, 1)
     if more < 0:
         return nodes, more, np.inf
-    apart, out = 0.0, np.empty_like(nodes)
-    for i in range(len(nodes)):
-        size = 0.0
-        for k in range(3):
-            difference = fine[2 * i, k] - nodes[i, k]
-            out[i, k] = fine[2 * i, k] + difference / 3.0
-            size += difference * difference
-        apart = max(apart, np.sqrt(size))
+    out, apart = combined_nodes(nodes, fine)
     return out, verdict, apart
