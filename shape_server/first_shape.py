@@ -11,7 +11,7 @@ import numpy as np
 
 from . import hinges
 from .cold import PULL, curve_frames
-from .descent import relax, settle_or_relax
+from .descent import off_the_saddle, relax, settle_or_relax
 from .equilibrium import Settled
 from .rod import Rod, State
 from .system import System
@@ -57,7 +57,7 @@ def _hanging(task: Task, system: System, begin: State) -> Settled:
 
 
 def _stretched(task: Task, system: System, begin: State) -> Settled:
-    """Settle from a straight pulled start, by way of a cable that gives less if need be."""
+    """Settle from a straight pulled start, by way of a cable that gives less if need be; descend from where it is not stable."""
     spent = 0
     for shares in ((1.0,), GIVES):
         state = begin
@@ -70,6 +70,9 @@ def _stretched(task: Task, system: System, begin: State) -> Settled:
             state = State(*found.state)
         if found.is_converged and found.is_stable:
             break
+    else:  # straight it would buckle
+        found = relax(task.path, system.rod, off_the_saddle(task.path, system.rod, begin, found), task.progress)
+        spent += found.iterations
     return found._replace(iterations=spent)
 
 
@@ -113,7 +116,7 @@ def _relaxed(task: Task, system: System, begin: State) -> Settled:
 
 def _ways(task: Task, system: System) -> Iterator[Callable[[State], Settled]]:
     """Ways from a state to a shape: the likelier to succeed first."""
-    rod, on_hinges = system.rod, hinges.count(task.problem)
+    rod, on_hinges = system.rod, hinges.count(task.problem) if len(task.problem.grasps.s) > 1 else 0
 
     def plainly(begin: State) -> Settled:
         return relax(task.path, rod, begin, task.progress)
