@@ -13,9 +13,10 @@ import numpy as np
 from protocol.kinds import Outcome
 from protocol.messages import Problem, Shape
 
-from . import branches
+from . import branches, link
 from .answer import Price, no_shape, rod_shape
 from .balance import balanced, swung
+from .cold import curve_frames
 from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
 from .first_shape import from_grasps
@@ -50,6 +51,10 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
             found = from_grasps(task, system)
         spent += found.iterations
         if found.is_converged and found.is_stable:
+            lost = _shed(task, system, found)
+            if lost:
+                sentence = f"in every stable shape found the cable passed through itself, and lost {lost} turns; {link.advice(problem)}"
+                return no_shape(problem, task.used, Outcome.UNSUPPORTED, sentence, "rod", task.seconds, spent)
             break
     else:
         return _failed(task, found, spent)
@@ -161,7 +166,16 @@ def _sentence(task: Task, price: Price, last: Solution) -> str:
 
 def _failed(task: Task, found: Settled, spent: int) -> Shape:
     outcome = Outcome.UNSTABLE if found.is_converged else Outcome.NOT_CONVERGED
-    return no_shape(task.problem, task.used, outcome, f"cold start: {WHY[found.why]}", "rod", task.seconds, spent)
+    why = f"cold start: {WHY[found.why]}" + (f"; {link.advice(task.problem)}" if any(task.problem.turns) else "")
+    return no_shape(task.problem, task.used, outcome, why, "rod", task.seconds, spent)
+
+
+def _shed(task: Task, system: System, found: Settled) -> int:
+    """Whole turns of twist that a first shape has lost (or won) of those asked for."""
+    problem = task.problem
+    if problem.branch or not any(problem.turns):
+        return 0
+    return abs(link.shed(task, system, system.start(curve_frames(system.mesh, problem, np.asarray(task.gravity), task.path)), found))
 
 
 def _layered(task: Task, first: Solution, places: np.ndarray) -> Mesh | None:
