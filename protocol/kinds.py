@@ -62,6 +62,6 @@ _ADVICE: Final = {
     Outcome.CONVERGED: "Nothing to do: a stable equilibrium within the residual asked for.",
     Outcome.UNREACHABLE: "Bring the held points closer together along the cable, or make the cable longer.",
     Outcome.NOT_CONVERGED: "Move the grippers in smaller steps; if a start shape was given, ask again without it.",
-    Outcome.UNSTABLE: "Ask without a start shape: the solver then looks for another, stable equilibrium.",
+    Outcome.UNSTABLE: "Twist or press the cable less, pull it more, or ask with a start shape that is near the one looked for.",
     Outcome.UNSUPPORTED: "Leave out or change the part of the request that the sentence names.",
 }

@@ -2,20 +2,39 @@
 
 The wrenches at the grasps come from an iteration that stops at about 1e-8 of the weight, or are combined from two meshes, whose
 products do not add up exactly. The smallest change of all of them (least squares, moments over the length of the cable) that
-balances weight, loads and contacts is added; it is far below their estimated errors. With contacts only the forces are
-balanced: a force on an edge acts there and not on the axis.
+balances weight, loads and contacts is added; it is far below their estimated errors.
+
+On one mesh half the weight of every segment acts at each of its nodes. Of two meshes combined the positions are of fourth order, and so
+must be the weight's moment, or the balance would make wrenches of second order from those of fourth: the same combination of the
+loads of both meshes, 4/3 of the finer one's less 1/3 of the coarser one's, is Simpson's rule over every pair of segments. (Half
+of each segment's weight at its nodes puts the centre of weight off by h^2 / 12 times the difference of the end tangents, over the length.)
+
+A cable that only hinges hold, all in one line or one point, swings about them, and no force there can hold it back. Nodes combined from
+two meshes are turned about that line until their loads balance, by less than their estimated error.
 """
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Hold
 from protocol.messages import Problem
 
+IN_LINE: Final = 1e-4  # of the length, how far hinges may lie from the line that the cable swings about
+TURNS: Final = 3  # each leaves the square of the angle before
+
 
 def balanced(
-    problem: Problem, held: np.ndarray, nodes: np.ndarray, loads: np.ndarray, wrenches: np.ndarray, contact_forces: np.ndarray
+    problem: Problem,
+    held: np.ndarray,
+    nodes: np.ndarray,
+    loads: np.ndarray,
+    wrenches: np.ndarray,
+    contact_forces: np.ndarray,
+    contact_moment: np.ndarray,
 ) -> np.ndarray:
     """The wrenches (g, 6) [N and N m] after the smallest change that balances them.
 
@@ -26,24 +45,51 @@ def balanced(
         loads: (n, 3) [N] on the nodes.
         wrenches: (g, 6) forces and moments at the grasps.
         contact_forces: (m, 3) [N].
+        contact_moment: (3,) [N m] of all contacts about the world's origin.
     """
-    grasps, length = problem.grasps, problem.cable.length
+    length = problem.cable.length
     out = wrenches.copy()
     out[:, :3] -= (loads.sum(axis=0) + out[:, :3].sum(axis=0) + contact_forces.sum(axis=0)) / len(out)
-    if len(contact_forces):
-        return out
     arms = held - held.mean(axis=0)
-    moment = out[:, 3:].sum(axis=0) + np.cross(held, out[:, :3]).sum(axis=0) + np.cross(nodes, loads).sum(axis=0)
-    framed = np.array([hold is not Hold.HINGE for hold in grasps.hold])
+    others = np.cross(nodes, loads).sum(axis=0) + contact_moment
+    framed = _framed(problem)
     columns = [_cross(arm) / length for arm in arms] + [np.eye(3)] * int(framed.sum())
     # Forces change by amounts that add up to nothing: their arms count from the middle of all grasps.
-    change = np.linalg.lstsq(np.hstack(columns), -moment / length, rcond=1e-9)[0].reshape(-1, 3)
+    change = np.linalg.lstsq(np.hstack(columns), -(_moment(out, held) + others) / length, rcond=1e-9)[0].reshape(-1, 3)
     force = change[: len(out)] - change[: len(out)].mean(axis=0)
     out[:, :3] += force
     out[framed, 3:] += length * change[len(out) :]
-    left = out[:, 3:].sum(axis=0) + np.cross(held, out[:, :3]).sum(axis=0) + np.cross(nodes, loads).sum(axis=0)
     if framed.any():
-        out[framed, 3:] -= left / framed.sum()
+        out[framed, 3:] -= (_moment(out, held) + others) / framed.sum()
+    return out
+
+
+def swung(problem: Problem, held: np.ndarray, nodes: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """The nodes (n, 3) [m] turned about the hinges until the loads (n, 3) [N] do not turn them further; as they are, if none can swing."""
+    middle, length = held.mean(axis=0), problem.cable.length
+    _, sizes, directions = np.linalg.svd(held - middle)
+    wide = int((sizes > IN_LINE * length).sum())
+    if _framed(problem).any() or wide > 1:
+        return nodes
+    free = directions[:1] if wide == 1 else np.eye(3)  # (k, 3) axes to turn about
+    for _ in range(TURNS):
+        arms = nodes - middle
+        couple = free @ np.cross(arms, loads).sum(axis=0)
+        # (turn x arm) x force = arm (turn . force) - turn (arm . force)
+        slope = free @ (arms.T @ loads - np.eye(3) * np.vdot(arms, loads)) @ free.T
+        turn = np.linalg.lstsq(slope, -couple, rcond=1e-9)[0]
+        nodes = middle + Rotation.from_rotvec(turn @ free).apply(arms)
+    return nodes
+
+
+def _framed(problem: Problem) -> np.ndarray:
+    """Which grasps (g,) take a moment."""
+    return np.array([hold is not Hold.HINGE for hold in problem.grasps.hold])
+
+
+def _moment(wrenches: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Moment (3,) [N m] of the grasps about the world's origin."""
+    out: np.ndarray = wrenches[:, 3:].sum(axis=0) + np.cross(held, wrenches[:, :3]).sum(axis=0)
     return out
 
 

@@ -31,20 +31,22 @@ def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settl
             iterations = found.iterations + settled.iterations
             if settled.is_converged and settled.is_stable:
                 return settled._replace(iterations=iterations)
-            descent = _go_on(path, rod, descent, iterations)
+            descent = _go_on(path, rod, descent, settled, iterations)
+            if descent.settled.why == NO_MINIMUM:
+                return descent.settled
         elif found.why != GOING_ON:
             return Settled(*found)
 
 
-def _go_on(path: ModuleType, rod: Rod, descent: Descent, iterations: int) -> Descent:
-    """The descent after an equilibrium that is none to settle at; beside it, if it came there with help, as to a saddle."""
+def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, iterations: int) -> Descent:
+    """The descent after an equilibrium that is none to settle at; beside it if that is a saddle, or it came there with help, as to one."""
     found, state, view = descent.settled, descent.settled.state, descent.settled.seen
-    if descent.helped > 0:
+    if descent.helped > 0 or settled.is_converged:
         kicked = State(*state)._replace(frames=path.retract(state.frames, path.kick(rod)))
         state, view = path.look(rod, kicked, rod.touch.normal)
     over = iterations >= RELAX_STEPS
-    settled = Settled(state, view, False, False, iterations, found.unbalanced, NO_MINIMUM if over else GOING_ON)
-    return descent._replace(settled=settled, helped=0)
+    beside = Settled(state, view, False, False, iterations, found.unbalanced, NO_MINIMUM if over else GOING_ON)
+    return descent._replace(settled=beside, helped=0)
 
 
 def settle_or_relax(path: ModuleType, rod: Rod, begin: State, progress: Progress) -> Settled:

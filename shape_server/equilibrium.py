@@ -19,7 +19,7 @@ from numba import njit
 from .border import SOFTNESS
 from .chain import retract
 from .newton import newton_step
-from .rod import State, View, energy, is_active, look
+from .rod import State, View, energy, is_active, look, net_moment
 
 TURN_DONE = 2e-4  # rad; a Newton step this long leaves an error of about its square
 TURN_EXACT = 1e-9  # rad
@@ -35,6 +35,8 @@ IDLE_MISS = 1e-7  # of the length
 NEUTRAL = 1e-4  # of EI over length squared; a stiffness below this is neutral, not unstable
 GIVE_MAX = 1e-6  # of the length, that a contact may give way
 MISS_DONE = 1e-8  # of the length, for held points
+FORCE_DONE = 1e-4  # of the typical force and of the largest; what presses a column decides whether it is stable
+COUPLE_DONE = 3e-10  # of weight times length, left by held points that miss and in a cable that nothing keeps from swinging
 CONTACT_EASE = 0.1  # how much a miss of a contact counts; two rows at one bend share their force slowly
 SHIFT_LEAST, SHIFT_MOST = 1e-3, 1e9  # of the typical force
 EXACT = (0.0, 0.0)  # no softness
@@ -94,7 +96,7 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
         if not longest < 1e3:
             return Settled(state, view, False, False, iteration, unbalanced, NOT_FINITE)
         scale = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0
-        before = view.nodes
+        before, change = view.nodes, _change(state.force, step.force)
         state, view, let_go = _advance(rod, state, view, step, scale)
         if only_near and longest <= near:
             return Settled(state, view, True, is_stable, iteration, unbalanced, DONE)
@@ -105,14 +107,40 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
         # Steps that hardly shorten go along a direction with next to no stiffness, where a short one is not near the end.
         shortens = iteration == 1 or longest < SHORTENS * last
         last = longest
-        turn_done = TURN_DONE if is_stable and shortens else TURN_EXACT
-        if scale == 1.0 and longest < turn_done and miss < MISS_DONE * rod.length:
+        turn_done = TURN_DONE if is_stable and shortens and _is_near(rod, state, view, step, longest, miss) else TURN_EXACT
+        if scale == 1.0 and longest < turn_done and change < FORCE_DONE * rod.force_scale and miss < MISS_DONE * rod.length:
             return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE)
         # Where several edges meet, contacts may go on taking turns without moving the cable any more.
         is_idle = iteration >= IDLE_AFTER and _largest(view.nodes - before) < IDLE_MOVE * rod.length
         if is_idle and is_stable and miss < IDLE_MISS * rod.length:
             return Settled(state, view, True, True, iteration, unbalanced, DONE)
     return Settled(state, view, False, is_stable, most, unbalanced, NOT_SHORT)
+
+
+@njit(cache=True)
+def _is_near(rod, state, view, step, longest, miss):  # type: ignore[no-untyped-def]
+    """Whether a step leaves an error of no more than the square of `TURN_DONE`: of its own square times force over stiffness.
+
+    Along a direction with next to no stiffness, as beside the load at which a column buckles, that is much more than its square. A cable
+    without clamps swings about its hinges, so softly that its balance has to tell. And no held point may miss by what spoils the balance.
+    """
+    if longest >= TURN_DONE:
+        return False
+    least = COUPLE_DONE * (rod.weight if rod.weight > 0.0 else rod.force_scale) * rod.length
+    if len(view.gap) == 0:
+        largest = np.abs(state.force).max() if len(state.force) > 0 else 0.0
+        if longest**2 * rod.force_scale > TURN_DONE**2 * step.stiffness or miss * largest > least:
+            return False
+    if len(rod.clamp_frames) > 0:
+        return True
+    couple = net_moment(rod, state, view)
+    return np.sqrt((couple * couple).sum()) <= least
+
+
+@njit(cache=True)
+def _change(before, after):  # type: ignore[no-untyped-def]
+    """Largest change of a force [N], less what is rounding of the largest."""
+    return np.abs(after - before).max() - FORCE_DONE * np.abs(after).max() if len(after) > 0 else 0.0
 
 
 @njit(cache=True)

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from . import hinges
+from . import hinges, link
 from .cold import PULL, curve_frames
-from .descent import relax, settle_or_relax
+from .descent import off_the_saddle, relax, settle_or_relax
 from .equilibrium import Settled
 from .rod import Rod, State
 from .system import System
@@ -57,7 +57,7 @@ def _hanging(task: Task, system: System, begin: State) -> Settled:
 
 
 def _stretched(task: Task, system: System, begin: State) -> Settled:
-    """Settle from a straight pulled start, by way of a cable that gives less if need be."""
+    """Settle from a straight pulled start, by way of a cable that gives less if need be; descend from where it is not stable."""
     spent = 0
     for shares in ((1.0,), GIVES):
         state = begin
@@ -70,6 +70,9 @@ def _stretched(task: Task, system: System, begin: State) -> Settled:
             state = State(*found.state)
         if found.is_converged and found.is_stable:
             break
+    else:  # straight it would buckle
+        found = relax(task.path, system.rod, off_the_saddle(task.path, system.rod, begin, found), task.progress)
+        spent += found.iterations
     return found._replace(iterations=spent)
 
 
@@ -97,23 +100,27 @@ def _pulls(task: Task, system: System) -> np.ndarray:
 def _relaxed(task: Task, system: System, begin: State) -> Settled:
     """The first of several ways to a stable shape, or of all ways the lowest, if the first slips by whole turns of twist.
 
-    A soft cable can shed or gain twist by looping over itself on the way, and rest there (by 4 pi, for frames at both ends).
+    A soft cable can shed or gain twist by looping over itself on the way, and rest there (by 4 pi, for frames at both ends). Where turns
+    of twist are asked for, those that it has kept come first (`link`).
     """
     expected, spent = _twist(task, system, begin), 0
-    best: Settled | None = None
+    known = list[tuple[int, float, Settled]]()
     for way in _ways(task, system):
         found = way(begin)
         spent += found.iterations
         if found.is_converged and found.is_stable:
-            best = found if best is None or _energy(task, system, found) < _energy(task, system, best) else best
-            if abs(_twist(task, system, found.state) - expected) < SLIP:
+            is_slipped = abs(_twist(task, system, found.state) - expected) >= SLIP
+            missing = abs(link.shed(task, system, begin, found)) if is_slipped and any(task.problem.turns) else 0
+            known.append((missing, _energy(task, system, found), found))
+            if not is_slipped or (any(task.problem.turns) and not missing):
                 break
-    return (best if best is not None else found)._replace(iterations=spent)
+    best = min(known, key=lambda item: item[:2])[2] if known else found
+    return best._replace(iterations=spent)
 
 
 def _ways(task: Task, system: System) -> Iterator[Callable[[State], Settled]]:
     """Ways from a state to a shape: the likelier to succeed first."""
-    rod, on_hinges = system.rod, hinges.count(task.problem)
+    rod, on_hinges = system.rod, hinges.count(task.problem) if len(task.problem.grasps.s) > 1 else 0
 
     def plainly(begin: State) -> Settled:
         return relax(task.path, rod, begin, task.progress)

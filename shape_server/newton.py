@@ -26,6 +26,8 @@ from .elimination import columns, factor_and_solve
 from .rod import node_forces
 from .vertices import assemble
 
+NOT_ROUND = 1e-5  # of the stiffness that holds the roll of a round cable
+
 
 class Step(NamedTuple):
     """A Newton step and what its factorisation says."""
@@ -37,6 +39,7 @@ class Step(NamedTuple):
     is_stable: bool
     unbalanced: float  # N, largest unbalanced couple of a segment before the step, over its length
     slope: float  # J, gradient . turn
+    stiffness: float  # N, turn . H turn over the sum of h |turn|^2: against this very turn
 
 
 @njit(cache=True)
@@ -124,7 +127,10 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     push[~touches] = 0.0
     is_stable = negative + positive == len(held) + closed.sum() + border.saddles
     slope = (gradient * turn).sum()
-    return Step(turn, force, push, touches, is_stable, _largest_couple(gradient, rod.lengths), slope)
+    bent = change @ (np.ascontiguousarray(matrix.reshape(3 * len(gradient), count).T) @ turn.reshape(-1)) - slope  # turn . H turn
+    size = (rod.lengths.reshape(-1, 1) * turn**2).sum()
+    stiffness = bent / size if size > 0.0 else np.inf
+    return Step(turn, force, push, touches, is_stable, _largest_couple(gradient, rod.lengths), slope, stiffness)
 
 
 @njit(cache=True)
@@ -155,11 +161,24 @@ def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-unt
 
 @njit(cache=True)
 def fix_gauge(rod, diagonal, shift):  # type: ignore[no-untyped-def]
-    """Add the shift, and where no clamp holds the roll of the cable, hold that of one segment: it changes no shape."""
+    """Add the shift, and where no clamp holds the roll of the cable, hold that of one segment: if round and straight, it keeps its shape.
+
+    Of any other it does, which then has a stiffness of its own: it is held so weakly that no step is held back.
+    """
     if shift > 0.0:
         for j in range(len(diagonal)):
             for k in range(3):
                 diagonal[j, k, k] += shift * rod.lengths[j]
     if len(rod.clamp_frames) == 0:
         segment = min(rod.base, len(rod.lengths) - 1)
-        diagonal[segment, 2, 2] += rod.elastic.law[segment, 2] / rod.length
+        share = 1.0 if _is_round(rod.elastic) else NOT_ROUND
+        diagonal[segment, 2, 2] += share * rod.elastic.law[segment, 2] / rod.length
+
+
+@njit(cache=True)
+def _is_round(elastic):  # type: ignore[no-untyped-def]
+    """Whether no direction of any section differs from the others."""
+    for j in range(len(elastic.law)):
+        if elastic.law[j, 0] != elastic.law[j, 1] or elastic.bent[j, 0] != 0.0 or elastic.bent[j, 1] != 0.0:
+            return False
+    return True

@@ -45,11 +45,32 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
-    wrenches = balanced(problem, view.nodes[system.mesh.grasp_nodes], view.nodes, rod.loads, wrenches, contact_forces)
+    held = view.nodes[system.mesh.grasp_nodes]
+    moment = _contact_moment(system, found)
+    wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
     energy = float(path.energy(rod, state, view))
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())
     return Reading(view.nodes, tension, curvature, wrenches, contact_forces, energy, float(twist))
+
+
+def _contact_moment(system: System, found: Settled) -> Array:
+    """Moment (3,) [N m] of all contacts about the world's origin.
+
+    A bond acts at its point of the axis. What pushes acts where it touches: its moment is that of a force at the axis and the couple of
+    `contact_geometry`, zero on a face, where the line of the force meets the axis.
+    """
+    rod, state, view = system.rod, found.state, found.seen
+    bonds = np.flatnonzero(rod.held.bond >= 0)
+    out = np.cross(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), state.force[bonds, None] * rod.held.axis[bonds])
+    places, tangents = _on_axis(view.nodes, rod.touch.element, state.fraction), view.axes[rod.touch.element, 2]
+    couples = np.cross(places, view.push) + view.numbers[:, 2:3] * np.cross(tangents, view.normal)
+    return np.asarray(out.sum(axis=0) + state.push @ couples)
+
+
+def _on_axis(nodes: Array, element: Array, fraction: Array) -> Array:
+    """Points (k, 3) [m] at fractions (k,) of segments (k,)."""
+    return np.asarray((1.0 - fraction)[:, None] * nodes[element] + fraction[:, None] * nodes[element + 1])
 
 
 def contact_places(problem: Problem, system: System, found: Settled) -> Array:

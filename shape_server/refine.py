@@ -11,17 +11,19 @@ from typing import Final
 import numpy as np
 
 from protocol.kinds import Outcome
-from protocol.messages import Shape
+from protocol.messages import Problem, Shape
 
-from . import branches
+from . import branches, link
 from .answer import Price, no_shape, rod_shape
-from .balance import balanced
+from .balance import balanced, swung
+from .cold import curve_frames
 from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
 from .first_shape import from_grasps
 from .mesh import LAYER_SHARE, Mesh, doubled, even, graded, halved, stops
 from .reading import Reading
 from .richardson import FLOOR, RATIO_LEAST, RATIO_MOST, SAFETY, apart, combined, transfer
+from .system import System
 from .task import Solution, Task
 
 COARSEST: Final = 24  # segments of the first mesh
@@ -49,6 +51,10 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
             found = from_grasps(task, system)
         spent += found.iterations
         if found.is_converged and found.is_stable:
+            lost = _shed(task, system, found)
+            if lost:
+                sentence = f"in every stable shape found the cable passed through itself, and lost {lost} turns; {link.advice(problem)}"
+                return no_shape(problem, task.used, Outcome.UNSUPPORTED, sentence, "rod", task.seconds, spent)
             break
     else:
         return _failed(task, found, spent)
@@ -108,9 +114,7 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
     if not is_regular or len(before.system.mesh.s) != 2 * len(levels[-3].system.mesh.s) - 1:
         return last.reading, plain
     finer, coarser = combined(before, last), combined(levels[-3], before)
-    loads = last.system.rod.loads
-    held = finer.nodes[last.system.mesh.grasp_nodes]
-    finer = replace(finer, wrenches=balanced(task.problem, held, finer.nodes, loads, finer.wrenches, finer.contact_forces))
+    finer = _at_rest(task.problem, before.system, last.system, finer)
     share = SAFETY / 7  # as for third order, which uneven meshes and kinks can leave; for fourth it is twice too large
     return finer, Price(
         error=share * float(np.linalg.norm(finer.nodes[::2] - coarser.nodes, axis=1).max()) + floor,
@@ -119,6 +123,16 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
         iterations=spent,
         solved=solved,
     )
+
+
+def _at_rest(problem: Problem, coarse: System, fine: System, reading: Reading) -> Reading:
+    """The combined reading in balance, with the loads of both meshes combined in the same way."""
+    loads = 4 / 3 * fine.rod.loads
+    loads[::2] -= coarse.rod.loads / 3
+    grasps = fine.mesh.grasp_nodes
+    nodes = swung(problem, reading.nodes[grasps], reading.nodes, loads)
+    wrenches = balanced(problem, nodes[grasps], nodes, loads, reading.wrenches, reading.contact_forces, np.zeros(3))
+    return replace(reading, nodes=nodes, wrenches=wrenches)
 
 
 def _change(coarse: np.ndarray, fine: np.ndarray) -> float:
@@ -152,7 +166,16 @@ def _sentence(task: Task, price: Price, last: Solution) -> str:
 
 def _failed(task: Task, found: Settled, spent: int) -> Shape:
     outcome = Outcome.UNSTABLE if found.is_converged else Outcome.NOT_CONVERGED
-    return no_shape(task.problem, task.used, outcome, f"cold start: {WHY[found.why]}", "rod", task.seconds, spent)
+    why = f"cold start: {WHY[found.why]}" + (f"; {link.advice(task.problem)}" if any(task.problem.turns) else "")
+    return no_shape(task.problem, task.used, outcome, why, "rod", task.seconds, spent)
+
+
+def _shed(task: Task, system: System, found: Settled) -> int:
+    """Whole turns of twist that a first shape has lost (or won) of those asked for."""
+    problem = task.problem
+    if problem.branch or not any(problem.turns):
+        return 0
+    return abs(link.shed(task, system, system.start(curve_frames(system.mesh, problem, np.asarray(task.gravity), task.path)), found))
 
 
 def _layered(task: Task, first: Solution, places: np.ndarray) -> Mesh | None:

@@ -8,6 +8,8 @@ and on three meshes the error of the last R is |R - R of the mesh before| / 15. 
 `tests/validation`. Where the observed differences do not fall by about four from mesh to mesh, a layer is not resolved yet, and the
 whole difference is taken for the error. With contacts nothing is combined: what touches changes with the mesh.
 
+Wrenches at the grasps are combined in the same way, and so is the moment of the weight that they balance (`balance`).
+
 Source: Richardson and Gaunt 1927, "The deferred approach to the limit".
 """
 

@@ -185,6 +185,24 @@ def _share(forces, element, fraction, size, direction):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
+def net_moment(rod, state, view):  # type: ignore[no-untyped-def]
+    """Moment (3,) [N m] of loads, held points and contacts about the base; what clamps do not take, an equilibrium leaves zero."""
+    forces, total = node_forces(rod, state, view), np.zeros(3)
+    for i in range(len(forces)):
+        _add_cross(total, 1.0, view.nodes[i] - rod.origin, forces[i])
+    for row in range(len(state.push)):
+        _add_cross(total, state.push[row] * view.numbers[row, 2], view.axes[rod.touch.element[row], 2], view.normal[row])
+    return total
+
+
+@njit(cache=True)
+def _add_cross(out, size, a, b):  # type: ignore[no-untyped-def]
+    out[0] += size * (a[1] * b[2] - a[2] * b[1])
+    out[1] += size * (a[2] * b[0] - a[0] * b[2])
+    out[2] += size * (a[0] * b[1] - a[1] * b[0])
+
+
+@njit(cache=True)
 def energy(rod, state, view):  # type: ignore[no-untyped-def]
     """Energy of bending and twist less the work of the loads [J]; forces on the border are left out."""
     total = elastic_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)

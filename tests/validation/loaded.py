@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from posed import G
+from posed import G, on_nodes
 
 import shape_server.kernels as compiled
 from protocol.cable import Cable
@@ -49,13 +49,13 @@ def linear_density(cable: Cable, s: np.ndarray) -> np.ndarray:
 def unbalanced(problem: Problem, shape: Shape) -> tuple[float, float]:
     """Sum of all forces, and of their moments about the origin, over the largest force and that times length.
 
-    A rod that carries nothing is measured by EI / L^2. Weight, masses and point loads act where the answer puts
+    A rod that carries nothing is measured by EI / L^2. Weight acts as `on_nodes` says, masses and point loads where the answer puts
     them, a grasp where the answer puts its arc length.
     """
     rod, middle = problem.cable, (shape.s[1:] + shape.s[:-1]) / 2
     down = np.array([0.0, 0.0, -G])
     rows = [
-        (place(shape, middle), (linear_density(rod, middle) * np.diff(shape.s))[:, None] * down),
+        (shape.nodes, on_nodes(shape, linear_density(rod, middle) * np.diff(shape.s), problem.grasps)[:, None] * down),
         (place(shape, problem.grasps.s), shape.grasp_wrenches[:, :3]),
     ]
     if rod.masses:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -62,14 +64,33 @@ def start_from(shape: Shape) -> Start:
     return Start(s=shape.s, frames=shape.frames, grasp_forces=np.ascontiguousarray(shape.grasp_wrenches[:, :3]))
 
 
+def on_nodes(shape: Shape, weight: np.ndarray, grasps: Grasps) -> np.ndarray:
+    """The weights (n-1,) [N] of all segments as weights (n,) [N] of nodes: half and half, or by Simpson's rule over pairs of segments.
+
+    Simpson's where two meshes are combined, whose nodes lie on a curve and not along the frames; each piece between clamps for itself.
+    """
+    out = np.zeros(len(shape.s))
+    tangents = Rotation.from_quat(shape.frames).apply([0.0, 0.0, 1.0])
+    aside = np.linalg.norm(np.cross(np.diff(shape.nodes, axis=0), tangents), axis=1)
+    clamps = [int(np.argmin(np.abs(shape.s - s))) for s, hold in zip(grasps.s, grasps.hold, strict=True) if hold is Hold.CLAMP]
+    for first, last in pairwise(np.unique([0, *clamps, len(out) - 1]).tolist()):
+        own, part = weight[first:last], out[first : last + 1]
+        if np.median(aside[first:last]) < 1e-13 * shape.s[-1]:  # beside a clamp the pieces meet to 1e-12 m
+            part += 0.5 * (np.append(own, 0.0) + np.append(0.0, own))
+        else:
+            pair = own[::2] + own[1::2]
+            part[::2] += (np.append(pair, 0.0) + np.append(0.0, pair)) / 6
+            part[1::2] += 2 / 3 * pair
+    return out
+
+
 def unbalance(cable: Cable, shape: Shape, grasps: Grasps, points: np.ndarray | None = None) -> tuple[float, float]:
     """Sum of all forces, and of their moments about the origin, on the whole cable; over its weight, and weight times length.
 
-    The weight of every segment acts at its middle, a contact on the axis at its arc length, or at the `points` of the
-    bodies, (m, 3) [m]: without friction the line of the force passes through the edge, and the axis is a polygon.
+    The weight acts as `on_nodes` says, a contact on the axis at its arc length, or at the `points` of the bodies, (m, 3) [m]:
+    without friction the line of the force passes through the edge, and the axis is a polygon.
     """
-    middle = (shape.nodes[1:] + shape.nodes[:-1]) / 2
-    weight = cable.mass_per_length * G * np.diff(shape.s)[:, None] * np.array([0.0, 0.0, -1.0])
+    weight = on_nodes(shape, cable.mass_per_length * G * np.diff(shape.s), grasps)[:, None] * np.array([0.0, 0.0, -1.0])
     axis = np.column_stack([np.interp(shape.contact_s, shape.s, row) for row in shape.nodes.T])
     touch = axis if points is None else points
     force = shape.grasp_wrenches[:, :3].sum(0) + shape.contact_forces.sum(0) + weight.sum(0)
@@ -77,7 +98,7 @@ def unbalance(cable: Cable, shape: Shape, grasps: Grasps, points: np.ndarray | N
         shape.grasp_wrenches[:, 3:].sum(0)
         + np.cross(grasps.position, shape.grasp_wrenches[:, :3]).sum(0)
         + np.cross(touch, shape.contact_forces).sum(0)
-        + np.cross(middle, weight).sum(0)
+        + np.cross(shape.nodes, weight).sum(0)
     )
     total = cable.mass_per_length * G * cable.length
     return float(np.linalg.norm(force) / total), float(np.linalg.norm(moment) / total / cable.length)

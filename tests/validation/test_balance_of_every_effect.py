@@ -5,7 +5,8 @@ Source: Euler 1775, "Nova methodus motum corporum rigidorum determinandi", Novi 
 
 Claim: to 1e-9 of the largest force, and of that times the length, for every effect of the rod and for clamps, hinges and free
 ends, on coarse and on combined meshes. The sum is taken from the answer alone: nodes, wrenches of the grasps, and the weights and
-loads that were asked for.
+loads that were asked for; where two meshes are combined, by Simpson's rule over the nodes. A cable that only hinges hold, in one line or
+one point, can swing about them: there its own shape has to balance, no wrench can.
 The sum itself is checked on a see-saw.
 """
 
@@ -45,6 +46,12 @@ HELD = {
     "clamps": grasps((0.0, ORIGIN, FIRST, Hold.CLAMP), (1.0, END, LAST, Hold.CLAMP)),
     "clamp and hinge": grasps((0.0, ORIGIN, FIRST, Hold.CLAMP), (1.0, END, LAST, Hold.HINGE)),
     "free end": grasps((0.0, ORIGIN, FIRST, Hold.CLAMP)),
+    "two hinges": grasps((0.0, ORIGIN, FIRST, Hold.HINGE), (1.0, END, LAST, Hold.HINGE)),
+    "three hinges in a line": grasps(
+        (0.0, ORIGIN, FIRST, Hold.HINGE), (0.4, (0.18, 0.06, 0.03), FIRST, Hold.HINGE), (0.95, END, LAST, Hold.HINGE)
+    ),
+    "two hinges inside": grasps((0.2, ORIGIN, FIRST, Hold.HINGE), (0.85, (0.5, 0.1, 0.1), LAST, Hold.HINGE)),
+    "one hinge": grasps((0.3, ORIGIN, FIRST, Hold.HINGE)),
     "three": grasps((0.0, ORIGIN, FIRST, Hold.CLAMP), (0.5, MIDDLE, FIRST, Hold.HINGE), (0.9, END, LAST, Hold.CLAMP)),
 }
 

@@ -87,7 +87,7 @@ def test_the_margin_is_what_is_left_of_the_critical_force(name: str, part: float
 
 
 @each_case
-@pytest.mark.parametrize("part", [1.003, 1.01])
+@pytest.mark.parametrize("part", [1.0005, 1.001, 1.003, 1.01, 1.05])
 def test_a_column_pressed_harder_is_never_called_stable_and_straight(name: str, part: float) -> None:
     shape = pressed(name, part)
     assert shape.outcome is not Outcome.CONVERGED or np.hypot(*shape.nodes[:, 1:].T).max() > 1e-5, shape.sentence
