@@ -18,7 +18,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Hold
 from protocol.messages import Problem
@@ -51,7 +50,7 @@ def balanced(
     out = wrenches.copy()
     out[:, :3] -= (loads.sum(axis=0) + out[:, :3].sum(axis=0) + contact_forces.sum(axis=0)) / len(out)
     arms = held - held.mean(axis=0)
-    others = np.cross(nodes, loads).sum(axis=0) + contact_moment
+    others = cross_sum(nodes, loads) + contact_moment
     framed = _framed(problem)
     columns = [_cross(arm) / length for arm in arms] + [np.eye(3)] * int(framed.sum())
     # Forces change by amounts that add up to nothing: their arms count from the middle of all grasps.
@@ -71,10 +70,12 @@ def swung(problem: Problem, held: np.ndarray, nodes: np.ndarray, loads: np.ndarr
     wide = int((sizes > IN_LINE * length).sum())
     if _framed(problem).any() or wide > 1:
         return nodes
+    from scipy.spatial.transform import Rotation  # here: 0.2 s that others do without
+
     free = directions[:1] if wide == 1 else np.eye(3)  # (k, 3) axes to turn about
     for _ in range(TURNS):
         arms = nodes - middle
-        couple = free @ np.cross(arms, loads).sum(axis=0)
+        couple = free @ cross_sum(arms, loads)
         # (turn x arm) x force = arm (turn . force) - turn (arm . force)
         slope = free @ (arms.T @ loads - np.eye(3) * np.vdot(arms, loads)) @ free.T
         turn = np.linalg.lstsq(slope, -couple, rcond=1e-9)[0]
@@ -89,8 +90,14 @@ def _framed(problem: Problem) -> np.ndarray:
 
 def _moment(wrenches: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Moment (3,) [N m] of the grasps about the world's origin."""
-    out: np.ndarray = wrenches[:, 3:].sum(axis=0) + np.cross(held, wrenches[:, :3]).sum(axis=0)
+    out: np.ndarray = wrenches[:, 3:].sum(axis=0) + cross_sum(held, wrenches[:, :3])
     return out
+
+
+def cross_sum(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Sum (3,) of the vector products of rows (n, 3)."""
+    m = first.T @ second
+    return np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
 
 
 def _cross(arm: np.ndarray) -> np.ndarray:

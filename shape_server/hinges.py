@@ -101,7 +101,7 @@ def _clamped(task: Task, system: System, tangents: np.ndarray, start: Starter) -
         rod = own.system(part)
         found = start(own, rod)
         frames.append(found.state.frames)
-        forces[held] += Solution.of(own, rod, found).reading.wrenches[:, :3]
+        forces[held] += Solution(own, rod, found).reading.wrenches[:, :3]
     row_force = np.einsum("ij,ij->i", system.rod.held.axis, forces[system.row_grasp]) * (system.row_grasp >= 0)
     begun = system.start(np.concatenate(frames))
     return begun._replace(force=row_force, push=np.zeros_like(begun.push), touches=np.zeros_like(begun.touches))

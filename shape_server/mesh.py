@@ -122,7 +122,7 @@ def from_nodes(s: np.ndarray, length: float, grasps: np.ndarray) -> Mesh:
     near = 1e-9 * length
     if abs(s[0]) > near or abs(s[-1] - length) > near:
         raise MessageError(f"start.s: runs from {s[0]:g} to {s[-1]:g} m; must run from 0 to the length, {length:g} m", key="start.s")
-    nodes = np.clip(np.searchsorted(s, grasps - near), 0, len(s) - 1)
+    nodes = np.minimum(np.searchsorted(s, grasps - near), len(s) - 1)
     for node, grasp in zip(nodes, grasps, strict=True):
         if abs(s[node] - grasp) > near:
             raise MessageError(f"start.s: has no node at the held point {grasp:g} m; every held point must be a node", key="start.s")

@@ -10,7 +10,7 @@ import numpy as np
 from protocol.kinds import Hold
 from protocol.messages import Problem
 
-from .balance import balanced
+from .balance import balanced, cross_sum
 from .equilibrium import Settled
 from .system import System
 
@@ -62,10 +62,10 @@ def _contact_moment(system: System, found: Settled) -> Array:
     """
     rod, state, view = system.rod, found.state, found.seen
     bonds = np.flatnonzero(rod.held.bond >= 0)
-    out = np.cross(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), state.force[bonds, None] * rod.held.axis[bonds])
-    places, tangents = _on_axis(view.nodes, rod.touch.element, state.fraction), view.axes[rod.touch.element, 2]
-    couples = np.cross(places, view.push) + view.numbers[:, 2:3] * np.cross(tangents, view.normal)
-    return np.asarray(out.sum(axis=0) + state.push @ couples)
+    pulls, push = state.force[bonds, None] * rod.held.axis[bonds], state.push[:, None]
+    out = cross_sum(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), pulls)
+    out += cross_sum(push * _on_axis(view.nodes, rod.touch.element, state.fraction), view.push)
+    return np.asarray(out + cross_sum(push * view.numbers[:, 2:3] * view.axes[rod.touch.element, 2], view.normal))
 
 
 def _on_axis(nodes: Array, element: Array, fraction: Array) -> Array:

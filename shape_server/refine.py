@@ -58,7 +58,7 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
             break
     else:
         return _failed(task, found, spent)
-    levels = [Solution.of(task, system, found)]
+    levels = [Solution(task, system, found)]
     if mesh is None:
         layered = _layered(task, levels[0], places)
         if layered is not None:
@@ -92,27 +92,27 @@ def _is_good(solution: Solution) -> bool:
 
 def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Price]:
     """The best reading of the last meshes, each with every segment of the one before halved, and its estimated errors."""
-    solved = time.perf_counter()
     last = levels[-1]
+    reading, solved = last.reading, time.perf_counter()
     if len(levels) == 1:
-        return last.reading, Price(math.inf, math.inf, math.inf, spent, solved)
+        return reading, Price(math.inf, math.inf, math.inf, spent, solved)
     before, floor = levels[-2], FLOOR * task.problem.cable.length
     gaps = [apart(*pair) for pair in pairwise(levels)]
     is_regular = len(gaps) == 2 and (RATIO_LEAST < gaps[0] / max(gaps[1], 1e-300) < RATIO_MOST or gaps[1] < 1e3 * floor)
     share = SAFETY / 3 if is_regular or len(gaps) == 1 else 1.0
     plain = Price(
         error=share * gaps[-1] + floor,
-        error_tension=share * _change(before.reading.tension, last.reading.tension),
-        error_curvature=share * _change(before.reading.curvature, last.reading.curvature),
+        error_tension=share * _change(before.sections[0], reading.tension),
+        error_curvature=share * _change(before.sections[1], reading.curvature),
         iterations=spent,
         solved=solved,
     )
     if not task.extrapolate or task.problem.contacts is not None or len(last.system.mesh.s) != 2 * len(before.system.mesh.s) - 1:
-        return last.reading, plain
+        return reading, plain
     if task.budget is None and plain.error <= task.tolerance:
-        return last.reading, plain
+        return reading, plain
     if not is_regular or len(before.system.mesh.s) != 2 * len(levels[-3].system.mesh.s) - 1:
-        return last.reading, plain
+        return reading, plain
     finer, coarser = combined(before, last), combined(levels[-3], before)
     finer = _at_rest(task.problem, before.system, last.system, finer)
     share = SAFETY / 7  # as for third order, which uneven meshes and kinks can leave; for fourth it is twice too large
@@ -196,4 +196,4 @@ def _next(task: Task, last: Solution, mesh: Mesh) -> Solution:
     if not (found.is_converged and found.is_stable):
         anew = from_grasps(task, system)
         found = anew._replace(iterations=anew.iterations + found.iterations)
-    return Solution.of(task, system, found)
+    return Solution(task, system, found)

@@ -60,13 +60,14 @@ def _middles(system: System, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def apart(coarse: Solution, fine: Solution) -> float:
     """Largest distance [m] between the nodes that two meshes share; the coarser one's, if they share none but the ends."""
-    s, own = fine.system.mesh.s, coarse.system.mesh.s
-    shared = np.clip(np.searchsorted(s, own - 1e-9 * s[-1]), 0, len(s) - 1)
+    s, own, nodes = fine.system.mesh.s, coarse.system.mesh.s, fine.found.seen.nodes
+    shared = np.minimum(np.searchsorted(s, own - 1e-9 * s[-1]), len(s) - 1)
     if np.abs(s[shared] - own).max() > 1e-6 * s[-1]:
-        at = np.column_stack([np.interp(own, s, column) for column in fine.reading.nodes.T])
+        at = np.column_stack([np.interp(own, s, column) for column in nodes.T])
     else:
-        at = fine.reading.nodes[shared]
-    return float(np.linalg.norm(at - coarse.reading.nodes, axis=1).max())
+        at = nodes[shared]
+    away = at - coarse.found.seen.nodes
+    return float(np.sqrt((away * away).sum(axis=1).max()))
 
 
 def combined(coarse: Solution, fine: Solution) -> Reading:

@@ -51,16 +51,22 @@ class Task:
 
 @dataclass(frozen=True)
 class Solution:
-    """A settled rod on one mesh, and what it says."""
+    """A settled rod on one mesh, and what it says, read when it is asked for."""
 
+    task: Task
     system: System
     found: Settled
-    reading: Reading
 
-    @staticmethod
-    def of(task: Task, system: System, found: Settled) -> Solution:
-        """Read a settled rod."""
-        return Solution(system, found, read(task.problem, system, found, task.path))
+    @cached_property
+    def reading(self) -> Reading:
+        """All that it says."""
+        return read(self.task.problem, self.system, self.found, self.task.path)
+
+    @cached_property
+    def sections(self) -> tuple[np.ndarray, np.ndarray]:
+        """Tension (n-1,) [N] and curvature (n,) [1/m] alone."""
+        tension, curvature, *_ = self.task.path.section_forces(self.system.rod, self.found.state, self.found.seen)
+        return tension, curvature
 
     def layers(self) -> tuple[np.ndarray, np.ndarray]:
         """Places (k,) [m] where boundary layers may be, and their lengths sqrt(EI / T) (k,) [m], T the force carried there.

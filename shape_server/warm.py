@@ -29,7 +29,7 @@ def warm(task: Task) -> Shape:
         found = relaxed._replace(iterations=relaxed.iterations + found.iterations)
     if not (found.is_converged and found.is_stable):
         return cold(task, mesh=system.mesh, spent=found.iterations)
-    levels = [Solution.of(task, system, found)]
+    levels = [Solution(task, system, found)]
     for _ in range(2 if task.extrapolate and task.problem.contacts is None else 1):
         coarser = _coarser(task, levels[0])
         if coarser is None:
@@ -47,4 +47,4 @@ def _coarser(task: Task, fine: Solution) -> Solution | None:
     system = task.system(mesh)
     begin = transfer(task.path, system, fine.system, fine.found.state)
     near = Settled(*task.path.settle(system.rod, begin, NEAR))
-    return Solution.of(task, system, near) if near.is_converged else None
+    return Solution(task, system, near) if near.is_converged else None
