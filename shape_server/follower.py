@@ -103,7 +103,7 @@ class Follower:
 
 
 class _Clamped:
-    """A cable clamped at both ends, without stretch: the faster kernels of `clamped`."""
+    """A cable clamped at both ends, without stretch and micro-structure length: the faster kernels of `clamped`."""
 
     def __init__(self, rods: tuple[Rod, Rod], state: State, between: tuple[np.ndarray, np.ndarray], extrapolate: bool) -> None:
         self._chains = (chain_of(rods[0]), chain_of(rods[1]))
@@ -123,10 +123,11 @@ class _Clamped:
 
 
 def is_clamped(problem: Problem) -> bool:
-    """Whether a cable is clamped at both ends, and free of contact and stretch between them."""
+    """Whether a cable is clamped at both ends, and free of contact, stretch and micro-structure length between them."""
     held, cable = problem.grasps, problem.cable
     at_ends = held.hold == (Hold.CLAMP, Hold.CLAMP) and held.s[0] == 0.0 and held.s[1] == cable.length
-    return at_ends and problem.contacts is None and cable.stretch is None and cable.bending is not None
+    is_simple = cable.stretch is None and cable.micro_length is None and cable.bending is not None
+    return at_ends and problem.contacts is None and is_simple
 
 
 def chain_of(rod: Rod) -> Chain:

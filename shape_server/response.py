@@ -33,7 +33,7 @@ def response(rod, held, state, view):  # type: ignore[no-untyped-def]
     grasp_of_row, grasp_of_clamp, base = held
     count, rows = len(rod.lengths), len(rod.held.element)
     many = 6 * (max(grasp_of_row.max() if rows > 0 else 0, max(base, grasp_of_clamp.max() if len(grasp_of_clamp) > 0 else 0)) + 1)
-    carried, _, diagonal, upper = linear_system(rod, state, view)
+    carried, _, diagonal, upper, _ = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, 0.0)
     border = border_rows(rod, state, view, (0.0, 0.0))
     matrix = border_columns(rod, view, border, carried, diagonal).reshape(3 * count, rows)

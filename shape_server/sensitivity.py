@@ -30,7 +30,8 @@ def sensitivities(problem: Problem, gravity: Vector, shape: Shape) -> Sensitivit
     """Jacobian of nodes and grasp wrenches with respect to the poses of all grasps.
 
     Args:
-        problem: What the shape is the answer to; without contacts, guides, stretch and clamps inside the cable.
+        problem: What the shape is the answer to; without contacts, guides, stretch, micro-structure length and clamps inside
+            the cable.
         gravity: [m/s^2].
         shape: Converged, as `solve` answered; on its mesh.
 
@@ -39,8 +40,9 @@ def sensitivities(problem: Problem, gravity: Vector, shape: Shape) -> Sensitivit
     """
     used = effects.asked_for(problem, gravity)
     has_more = problem.contacts is not None or Hold.GUIDE in problem.grasps.hold or problem.cable.stretch is not None
+    has_more = has_more or "micro_length" in used
     if has_more or "bending" not in used or len(pieces.cuts(problem)) > 2:
-        raise CablecosimError("sensitivities are built for a rod without contacts, guides, stretch and clamps inside it")
+        raise CablecosimError("sensitivities are built for a rod without contacts, guides, stretch, 'micro_length' and clamps inside it")
     if shape.outcome is not Outcome.CONVERGED:
         raise CablecosimError(f"sensitivities need a converged shape; this one is {shape.outcome.value}")
     mesh = from_nodes(np.array(shape.s), problem.cable.length, problem.grasps.s)
