@@ -148,8 +148,9 @@ def _by_stiffer_cables(task: Task, rod: Rod, state: State) -> Settled:
     """Relax a cable that is a thousand times stiffer, which knows no loops, then softer ones, each from the one before."""
     spent = 0
     for factor in SOFTER:
-        law, node_law = factor * rod.elastic.law, factor * rod.elastic.node_law
-        stiffer = rod._replace(elastic=rod.elastic._replace(law=law, node_law=node_law), stiffest=factor * rod.stiffest)
+        own = rod.elastic
+        elastic = own._replace(law=factor * own.law, node_law=factor * own.node_law, smoothing=factor * own.smoothing)
+        stiffer = rod._replace(elastic=elastic, stiffest=factor * rod.stiffest)
         found = relax(task.path, stiffer, state, task.progress)
         spent += found.iterations
         state = State(*found.state)

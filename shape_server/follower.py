@@ -186,7 +186,7 @@ class Follower:
 
 
 class _Clamped:
-    """A cable clamped at both ends, without stretch: the faster kernels of `clamped`; `finer` to combine two meshes."""
+    """A cable clamped at both ends, without stretch and micro-structure length: the faster kernels; `finer` to combine two meshes."""
 
     def __init__(self, rod: Rod, finer: Rod | None, state: State, between: tuple[np.ndarray, np.ndarray]) -> None:
         self._chain, self._finer = chain_of(rod), None if finer is None else (chain_of(finer), cubic_weights(*between))
@@ -205,10 +205,11 @@ class _Clamped:
 
 
 def is_clamped(problem: Problem) -> bool:
-    """Whether a cable is clamped at both ends, and free of contact and stretch between them."""
+    """Whether a cable is clamped at both ends, and free of contact, stretch and micro-structure length between them."""
     held, cable = problem.grasps, problem.cable
     at_ends = held.hold == (Hold.CLAMP, Hold.CLAMP) and held.s[0] == 0.0 and held.s[1] == cable.length
-    return at_ends and problem.contacts is None and cable.stretch is None and cable.bending is not None
+    is_simple = cable.stretch is None and cable.micro_length is None and cable.bending is not None
+    return at_ends and problem.contacts is None and is_simple
 
 
 def chain_of(rod: Rod) -> Chain:

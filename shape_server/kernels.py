@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .band import eliminate as eliminate
 from .border import border_rows as border_rows
 from .chain import carried_forces as carried_forces
 from .chain import directors as directors
@@ -29,6 +30,8 @@ from .rod import look as look
 from .rod import node_forces as node_forces
 from .section_forces import section_forces as section_forces
 from .section_forces import twist_of as twist_of
+from .smoothing import add_smoothing as add_smoothing
+from .smoothing import smoothing_energy as smoothing_energy
 from .symmetric import solve_symmetric as solve_symmetric
 from .vertices import assemble as assemble
 from .vertices import elastic_energy as elastic_energy

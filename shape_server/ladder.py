@@ -7,7 +7,8 @@
 | gradient cable | slopes beyond the third order, all that leaves the plane | predicted by `gradient_error` |
 
 The cheapest whose left-out effects are below the tolerance is taken, unless the problem names one. The gradient cable is taken by itself
-only for a cable with a micro-structure length. With a start shape, contacts or clamps inside, a cable with bending is always a rod.
+only for a cable with a micro-structure length, and only where it covers the problem and its predicted error is within the tolerance.
+With a start shape, contacts or clamps inside, a cable with bending is always a rod.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from .mesh import Mesh, even, stops
 from .numpy_path import frames_along
 
 LAYER: Final = 1.3  # times sqrt(EI / T), what a catenary misses beside a clamp
+PART_OF: Final = {"micro_length": "bending"}  # left out with it
 SEGMENTS: Final = (25, 50, 100, 200, 400, 800)
 
 
@@ -39,12 +41,14 @@ def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
         return problem.model
     if cable.bending is None:
         return Model.CATENARY
-    if cable.micro_length is not None:
-        return Model.GRADIENT
     if problem.start is not None or not _is_plain(problem) or cable.stretch is not None or cable.natural_curvature is not None:
         return Model.ROD
     if any(problem.turns) or problem.branch:
         return Model.ROD
+    if cable.micro_length is not None:
+        shape = gradient_shape(problem, gravity, tolerance, (), time.perf_counter())
+        is_near = shape.outcome is Outcome.CONVERGED and shape.error is not None and shape.error <= tolerance
+        return Model.GRADIENT if is_near else Model.ROD
     chord = float(np.linalg.norm(grasps.position[1] - grasps.position[0]))
     if chord < cable.length * (1 - 1e-12) and 0.5 * math.sqrt(cable.length**2 - chord**2) <= tolerance:
         return Model.TAUT
@@ -73,7 +77,8 @@ def _layer(problem: Problem, grasp_forces: np.ndarray) -> float:
     if problem.cable.bending is None:
         return 0.0
     least = float(np.linalg.norm(grasp_forces, axis=1).min())
-    return LAYER * math.sqrt(problem.cable.bending / max(least, 1e-300))
+    layer, micro = math.sqrt(problem.cable.bending / max(least, 1e-300)), problem.cable.micro_length or 0.0
+    return LAYER * (layer + micro) / math.sqrt(1.0 + 2.0 * micro / layer)  # see `effects.micro_length`
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,7 @@ def answer(problem: Problem, used: tuple[str, ...], rung: Rung, model: Model, se
         outcome=Outcome.CONVERGED,
         sentence=sentence,
         model=model.value,
-        effects=tuple(name for name in used if name not in rung.left_out),
+        effects=tuple(name for name in used if PART_OF.get(name, name) not in rung.left_out),
         left_out=rung.left_out,
         error=rung.error + sum(rung.left_out.values()),
         error_tension=rung.error_tension,
@@ -210,7 +215,7 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
         curvature=np.abs(laid.curvature),
         wrenches=np.hstack([[laid.start_force, laid.end_force], moments]),
         contact_forces=np.zeros((0, 3)),
-        energy=_bending_energy(cable.bending, laid.curvature, mesh)
+        energy=_bending_energy(cable.bending, cable.micro_length or 0.0, laid.curvature, mesh)
         - float(np.vdot(load, 0.5 * mesh.lengths @ (laid.nodes[1:] + laid.nodes[:-1]))),
         error=laid.error + sag,
         error_tension=laid.tension_error,
@@ -219,8 +224,9 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
     return answer(problem, used, rung, Model.GRADIENT, "closed form", begun)
 
 
-def _bending_energy(bending: float, curvature: np.ndarray, mesh: Mesh) -> float:
-    return float(0.25 * bending * ((curvature[1:] ** 2 + curvature[:-1] ** 2) * mesh.lengths).sum())
+def _bending_energy(bending: float, micro_length: float, curvature: np.ndarray, mesh: Mesh) -> float:
+    change = micro_length**2 * np.diff(curvature) ** 2 / mesh.lengths
+    return float(0.5 * bending * (0.5 * (curvature[1:] ** 2 + curvature[:-1] ** 2) * mesh.lengths + change).sum())
 
 
 def _tangent(quaternion: np.ndarray) -> np.ndarray:

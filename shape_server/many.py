@@ -196,7 +196,8 @@ class FollowerBatch:
         """Find the first shapes.
 
         Args:
-            problems: Cables clamped at both ends, without contacts and stretch, with a start shape on any mesh if a branch is meant.
+            problems: Cables clamped at both ends, without contacts, stretch and micro-structure length, with a start shape on any mesh if
+                a branch is meant.
             gravity: [m/s^2].
             segments: Of every mesh.
 
@@ -241,8 +242,8 @@ def _first(number: int, problem: Problem, gravity: Vector, segments: int) -> tup
     used, held = effects.asked_for(problem, gravity), problem.grasps
     if not is_clamped(problem):
         raise CablecosimError(
-            f"cable {number}: a FollowerBatch takes cables with 'bending', clamped at both ends, without stretch and contacts; "
-            "use a Follower for others"
+            f"cable {number}: a FollowerBatch takes cables with 'bending', clamped at both ends, without stretch, 'micro_length' and "
+            "contacts; use a Follower for others"
         )
     task = Task(problem, gravity, 1.0, None, False, False, used, kernels, lambda iteration, residual: None)
     system = task.system(even(stops(problem), held.s, segments))

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .band import eliminate
 from .border import border_rows
-from .elimination import factor_and_solve
 from .newton import border_columns, fix_gauge, linear_system
 from .symmetric import solve_symmetric
 
@@ -24,7 +24,7 @@ ROUNDS = 6
 def smallest_stiffness(rod, state, view):  # type: ignore[no-untyped-def]
     """Smallest eigenvalue [N] and its mode (n-1, 3) [rad], of unit size in the sense of sum h |theta|^2 = length."""
     count = len(rod.lengths)
-    carried, _, diagonal, upper = linear_system(rod, state, view)
+    carried, _, diagonal, upper, beyond = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, 0.0)
     border = border_rows(rod, state, view, (0.0, 0.0))
     matrix = border_columns(rod, view, border, carried, diagonal)
@@ -47,7 +47,7 @@ def smallest_stiffness(rod, state, view):  # type: ignore[no-untyped-def]
         right = np.empty((size, many + modes))
         right[:, :many] = held
         right[:, many:] = weights.reshape(-1, 1) * basis
-        factor_and_solve(diagonal, upper, right.reshape(count, 3, many + modes))
+        eliminate(diagonal, upper, beyond, right.reshape(count, 3, many + modes))
         found = np.ascontiguousarray(right[:, many:])
         if many > 0:
             schur = np.ascontiguousarray(held.T) @ right

@@ -19,11 +19,13 @@ import numpy as np
 from numba import njit
 
 from .axial import add_give
+from .band import eliminate
 from .border import border_rows
 from .chain import carried_forces
 from .closing import close
-from .elimination import columns, factor_and_solve
+from .elimination import columns
 from .rod import node_forces
+from .smoothing import add_smoothing
 from .vertices import assemble
 
 NOT_ROUND = 1e-5  # of the stiffness that holds the roll of a round cable
@@ -44,7 +46,10 @@ class Step(NamedTuple):
 
 @njit(cache=True)
 def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
-    """Carried forces, then gradient, diagonal and upper blocks, the couples of the contacts added to the gradient."""
+    """Carried forces, then gradient and blocks, the couples of the contacts added to the gradient.
+
+    The blocks are the diagonal, those of neighbours, and those of the next but one, which are empty without a micro-structure length.
+    """
     carried = carried_forces(node_forces(rod, state, view), rod.base)
     gradient, diagonal, upper = assemble(
         state.frames, view.axes, rod.lengths, view.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, carried
@@ -53,7 +58,10 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
         couple = _couple(rod, view, row)
         for k in range(2):
             gradient[rod.touch.element[row], k] -= state.push[row] * couple[k]
-    return carried, gradient, diagonal, upper
+    beyond = np.empty((0, 3, 3))
+    if len(rod.elastic.smoothing) > 0:
+        beyond = add_smoothing(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, gradient, diagonal, upper)
+    return carried, gradient, diagonal, upper, beyond
 
 
 @njit(cache=True)
@@ -98,7 +106,7 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
             exact rows.
         shift: [N] Added to the Hessian, times the length of each segment.
     """
-    carried, gradient, diagonal, upper = linear_system(rod, state, view)
+    carried, gradient, diagonal, upper, beyond = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, shift)
     is_exact = soft[0] == 0.0
     border = border_rows(rod, state, view, soft)
@@ -107,7 +115,7 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     right = np.empty((len(gradient), 3, count + 1))
     right[:, :, :count] = matrix
     right[:, :, count] = gradient
-    negative = factor_and_solve(diagonal, upper, right)
+    negative = eliminate(diagonal, upper, beyond, right)
     answers = right.reshape(3 * len(gradient), count + 1)
     schur = matrix.reshape(3 * len(gradient), count).T @ answers
     change, closed, positive = close(

@@ -55,14 +55,16 @@ def port(system: System, state: State, path: ModuleType) -> Port:
         path: `numpy_path`, or the compiled `kernels`.
 
     Raises:
-        CablecosimError: If the last node is not clamped, or nothing else holds the cable.
+        CablecosimError: If the last node is not clamped, nothing else holds the cable, or it has a micro-structure length.
     """
     rod = system.rod
+    if len(rod.elastic.smoothing):
+        raise CablecosimError("a port is not built for 'micro_length'; leave it out")
     clamp, last = int(rod.clamp_of_node[-1]), len(system.mesh.grasp_nodes) - 1
     if clamp < 0 or np.count_nonzero(system.row_grasp == last) != 3:
         raise CablecosimError("a port is the clamp at the end of a cable that is held elsewhere too; add a grasp, or turn the cable round")
     state, view = path.look(rod, state, rod.touch.normal)
-    carried, _, diagonal, upper = path.linear_system(rod, state, view)
+    carried, _, diagonal, upper, _ = path.linear_system(rod, state, view)
     border = path.border_rows(rod, state, view, EXACT)
     matrix = path.border_columns(rod, view, border, carried, diagonal)
     kept = np.ones(len(border.element), dtype=bool)

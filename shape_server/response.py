@@ -87,7 +87,7 @@ def response(system: System, grasps: Grasps, state: State, view: View) -> tuple[
     guided = [(row, k) for row, k in enumerate(system.row_grasp.tolist()) if k >= 0 and grasps.hold[k] is Hold.GUIDE]
     column = Column(held, contacts, guided, len(held) + 8 * len(contacts.rows), 6 * len(grasps.s))
     grasp_of_clamp = [k for k, hold in enumerate(grasps.hold) if hold is not Hold.HINGE]
-    carried, _, diagonal, upper = linear_system(rod, state, view)
+    carried, _, diagonal, upper, _ = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, 0.0)
     spread = _spread(system, column, state, view)
     right = _columns(rod, view, carried, diagonal, spread)

@@ -14,16 +14,18 @@ from numba import njit
 from .axial import pulled_lengths
 from .chain import carried_forces, directors, positions
 from .contact_geometry import FAR, contact_geometry
+from .smoothing import smoothing_energy
 from .vertices import elastic_energy
 
 
 class Elastic(NamedTuple):
-    """Stiffness and natural curvature about d1 and d2, and twist, of every segment and of every node between two."""
+    """Stiffness and natural curvature about d1 and d2, and twist, of every segment and of every node between two; ties of nodes."""
 
     law: np.ndarray  # (n-1, 3) N m^2
     bent: np.ndarray  # (n-1, 3) 1/m
     node_law: np.ndarray  # (n, 3) N m^2, in series over half of each neighbour
     node_bent: np.ndarray  # (n, 3) 1/m
+    smoothing: np.ndarray  # (n-1, 2) N m^3, see `smoothing`; empty without a micro-structure length
 
 
 class Held(NamedTuple):
@@ -206,6 +208,8 @@ def _add_cross(out, size, a, b):  # type: ignore[no-untyped-def]
 def energy(rod, state, view):  # type: ignore[no-untyped-def]
     """Energy of bending and twist less the work of the loads [J]; forces on the border are left out."""
     total = elastic_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
+    if len(rod.elastic.smoothing) > 0:
+        total += smoothing_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
     for node in range(len(rod.loads)):
         for k in range(3):
             total -= rod.loads[node, k] * view.nodes[node, k]

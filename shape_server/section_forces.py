@@ -7,6 +7,7 @@ from numba import njit
 
 from .chain import carried_forces
 from .rod import node_forces
+from .smoothing import tied
 from .vertices import CLAMP, INNER, relative, strain_scale
 
 
@@ -40,7 +41,35 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
             _moment(rho, cell, rod.elastic.law[segment], rod.elastic.bent[segment], second, world)
             for k in range(3):
                 moments[clamp, k] += world[k] if side == 0 else -world[k]
+    if len(rod.elastic.smoothing) > 0:
+        _add_smoothing(rod, state, curvature, moments)
     return tension, curvature, twist_of(rod, state), moments
+
+
+@njit(cache=True)
+def _add_smoothing(rod, state, curvature, moments):  # type: ignore[no-untyped-def]
+    """Add what the ties of `smoothing` do: to the moments of clamps, and the curvature that they leave at ends without one."""
+    strain, ties = tied(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
+    law, mean, rho, world = np.zeros(3), np.zeros(3), np.empty(4), np.empty(3)
+    for segment in range(len(rod.lengths)):
+        for side in range(2):
+            node, bent = segment + side, rod.elastic.bent[segment]
+            clamp, cell = rod.clamp_of_node[node], 0.5 * rod.lengths[segment]
+            if clamp < 0 and (node == 0 or node == len(rod.lengths)):
+                size = 0.0
+                for k in range(2):
+                    size += (bent[k] + ties[segment, k] / (cell * rod.elastic.law[segment, k]) * strain[segment, 1 - side, k]) ** 2
+                curvature[node] = np.sqrt(size)
+            if clamp < 0:
+                continue
+            for k in range(2):
+                law[k], mean[k] = ties[segment, k] / cell, bent[k] + strain[segment, 1 - side, k]
+            first = state.frames[segment] if side == 1 else rod.clamp_frames[clamp]
+            second = rod.clamp_frames[clamp] if side == 1 else state.frames[segment]
+            relative(first, second, rho)
+            _moment(rho, cell, law, mean, second, world)
+            for k in range(3):
+                moments[clamp, k] += world[k] if side == 1 else -world[k]
 
 
 @njit(cache=True)

@@ -99,8 +99,6 @@ def _not_a_rod(problem: Problem) -> str:
         return "a rod needs 'bending' and 'twist'; give them, or ask for the catenary"
     if problem.branch and problem.contacts is not None:
         return "branches are looked for without contacts only; leave out 'branch' or 'contacts'"
-    if problem.cable.micro_length is not None:
-        return "the rod is not built for 'micro_length'; ask for the gradient cable, or leave it out"
     return ""
 
 

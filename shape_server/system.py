@@ -103,7 +103,7 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
     mesh = Mesh(nodes, np.diff(nodes), np.zeros(0, dtype=np.int64))
     point_loads = None if given is None else PointLoads(s=np.frombuffer(given[0]), force=np.frombuffer(given[1]).reshape(-1, 3))
     loads, law, bent = np.zeros((len(mesh.s), 3)), np.zeros((len(mesh.lengths), 3)), np.zeros((len(mesh.lengths), 3))
-    give = np.zeros(0)
+    give, smoothing = np.zeros(0), np.zeros((0, 2))
     for effect in (effects.load(name) for name in used):
         if hasattr(effect, "node_loads"):
             loads += effect.node_loads(cable, point_loads, gravity, mesh)
@@ -113,16 +113,40 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
             bent += effect.natural(cable, mesh)
         if hasattr(effect, "give"):
             give = effect.give(cable, mesh)
-    return Matter(elastic_of(law, bent, mesh.lengths), loads, give, float(law[:, :2].max()), float(np.linalg.norm(loads.sum(axis=0))))
+        if hasattr(effect, "smoothing"):
+            smoothing = effect.smoothing(cable, mesh)
+    elastic = elastic_of(law, bent, mesh.lengths, smoothing)
+    return Matter(elastic, loads, give, _stiffest(elastic, mesh), float(np.linalg.norm(loads.sum(axis=0))))
 
 
-def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray) -> Elastic:
-    """Laws of segments, and of nodes: the halves of two segments in series, which have the same moment."""
+def _stiffest(elastic: Elastic, mesh: Mesh) -> float:
+    """Largest stiffness [N m^2] against an arch, whose curvature runs as a half wave along the cable."""
+    law = elastic.law[:, :2].copy()
+    if len(elastic.smoothing):
+        law += elastic.smoothing * mesh.lengths[:, None] * (math.pi / mesh.s[-1]) ** 2
+    return float(law.max())
+
+
+def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray, smoothing: np.ndarray) -> Elastic:
+    """Laws of segments, and of nodes: the halves of two segments in series, which have the same moment.
+
+    With a micro-structure length l it is the curvature that they have the same, if they are shorter than l; where they are longer the two
+    laws pass into each other over the length l on both sides, which takes the share l / a off the difference of the two compliances.
+    """
     node_law, node_bent = np.zeros((len(lengths) + 1, 3)), np.zeros((len(lengths) + 1, 3))
     before, after = lengths[:-1, None], lengths[1:, None]
     node_law[1:-1] = (before + after) / (before / law[:-1] + after / law[1:])
     node_bent[1:-1] = (before * bent[:-1] + after * bent[1:]) / (before + after)
-    return Elastic(law, bent, node_law, node_bent)
+    if len(smoothing):
+        mean = (before * law[:-1] + after * law[1:]) / (before + after)
+        share = np.tanh(4.0 * micro_length(law, smoothing, lengths) / (before + after))
+        node_law[1:-1, :2] = (1.0 / ((1.0 - share) / node_law[1:-1] + share / mean))[:, :2]
+    return Elastic(law, bent, node_law, node_bent, smoothing)
+
+
+def micro_length(law: np.ndarray, smoothing: np.ndarray, lengths: np.ndarray) -> float:
+    """The micro-structure length l [m] of a rod that has one, from its ties."""
+    return math.sqrt(smoothing[0, 0] * lengths[0] / law[0, 0])
 
 
 def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tuple[Held, np.ndarray, np.ndarray, np.ndarray]:

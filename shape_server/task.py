@@ -17,7 +17,7 @@ from .descent import Progress
 from .equilibrium import Settled
 from .mesh import Mesh
 from .reading import Reading, read
-from .system import System, build, grouped
+from .system import System, build, grouped, micro_length
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Solution:
     def layers(self) -> tuple[np.ndarray, np.ndarray]:
         """Places (k,) [m] where boundary layers may be, and their lengths sqrt(EI / T) (k,) [m], T the force carried there.
 
-        A clamp, a contact or a point load bends the cable over this length.
+        A clamp, a contact or a point load bends the cable over this length; a micro-structure length, if shorter, is a layer in the layer.
         """
         rod, mesh, touch = self.system.rod, self.system.mesh, self.system.rod.touch
         on = self.found.state.push > 0.0
@@ -81,7 +81,10 @@ class Solution:
         force = np.abs(self.reading.tension)
         beside = np.maximum(force[segment], force[np.maximum(segment - 1, 0)])
         law = rod.elastic.law[:, :2].min(axis=1)
-        return places, np.sqrt(np.minimum(law[segment], law[np.maximum(segment - 1, 0)]) / np.maximum(beside, 1e-300))
+        layers = np.sqrt(np.minimum(law[segment], law[np.maximum(segment - 1, 0)]) / np.maximum(beside, 1e-300))
+        if len(rod.elastic.smoothing):
+            layers = np.minimum(layers, micro_length(rod.elastic.law, rod.elastic.smoothing, rod.lengths))
+        return places, layers
 
     @property
     def stops(self) -> np.ndarray:

@@ -7,6 +7,7 @@ sums what the effects add without knowing any of them by name:
 - `stiffness(cable, mesh)`: a diagonal law for curvature and twist of every segment [N m^2];
 - `natural(cable, mesh)`: curvature and twist of every segment when free of any load [1/m];
 - `give(cable, mesh)`: growth of every segment under a unit of tension [m/N];
+- `smoothing(cable, mesh)`: stiffness of every segment against a difference of curvature between its ends [N m^3];
 - `rows(contacts, chosen, mesh)`: border rows, each with a force as its unknown; of one-sided contacts what `grouped` says of them
   is in the place of `chosen`.
 """
@@ -29,6 +30,7 @@ ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
     "bending": lambda problem, _: problem.cable.bending is not None,
     "twist": lambda problem, _: problem.cable.twist is not None,
     "preform": lambda problem, _: _has(problem.cable, "natural_curvature"),
+    "micro_length": lambda problem, _: problem.cable.micro_length is not None,
     "stretch": lambda problem, _: problem.cable.stretch is not None,
     "contact": lambda problem, _: _has_contact(problem, Friction.NONE),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),

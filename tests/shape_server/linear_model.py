@@ -75,7 +75,7 @@ def model(system: System, state: State) -> Model:
     """The matrices of one step, as they are handed to the elimination."""
     rod = system.rod
     moved, view = look(system, state)
-    carried, gradient, diagonal, upper = numpy_path.linear_system(rod, moved, view)
+    carried, gradient, diagonal, upper, beyond = numpy_path.linear_system(rod, moved, view)
     border = numpy_path.border_rows(rod, moved, view, (1.0, 1.0))
     columns = numpy_path.border_columns(rod, view, border, carried, diagonal).reshape(gradient.size, -1)
     hessian = np.zeros((gradient.size, gradient.size))
@@ -84,6 +84,9 @@ def model(system: System, state: State) -> Model:
         if i + 1 < len(gradient):
             hessian[3 * i : 3 * i + 3, 3 * i + 3 : 3 * i + 6] = upper[i]
             hessian[3 * i + 3 : 3 * i + 6, 3 * i : 3 * i + 3] = upper[i].T
+        if i + 2 < len(gradient) and len(beyond):
+            hessian[3 * i : 3 * i + 3, 3 * i + 6 : 3 * i + 9] = beyond[i]
+            hessian[3 * i + 6 : 3 * i + 9, 3 * i : 3 * i + 3] = beyond[i].T
     rows = len(border.held) + len(border.contacts)
     extra, compliance = columns[:, rows:], border.compliance[rows:, rows:]
     curvature = extra @ np.linalg.solve(compliance, extra.T) if extra.shape[1] else np.zeros_like(hessian)

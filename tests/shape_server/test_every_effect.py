@@ -41,12 +41,13 @@ POSTURES: dict[str, tuple[Problem, Vector]] = {
     "bending": (replace_part(ROD, cable=replace(cable(mass=0.0), bending_2=3e-2)), WEIGHTLESS),
     "twist": (ROD, WEIGHTLESS),
     "preform": (replace_part(ROD, cable=replace(cable(mass=0.0), natural_curvature=(0.5, -2.0, 1.0))), WEIGHTLESS),
+    "micro_length": (replace_part(ROD, cable=replace(cable(mass=0.0), micro_length=0.1)), WEIGHTLESS),
     "stretch": (replace_part(ROD, cable=replace(cable(mass=0.0), stretch=20.0)), WEIGHTLESS),
     "contact": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(FEATURE)), WEIGHTLESS),
     "bond": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(replace(FEATURE, friction=Friction.BOND))), WEIGHTLESS),
 }
 """A posture for every effect: the smallest problem that asks for it."""
-INTERNAL = ("bending", "twist", "preform", "stretch")  # forces of the cable on itself
+INTERNAL = ("bending", "twist", "preform", "micro_length", "stretch")  # forces of the cable on itself
 
 EVERY = pytest.mark.parametrize("name", list(effects.ASKED_BY))
 
@@ -277,12 +278,13 @@ def test_leaving_an_effect_out_leaves_out_its_unknowns(name: str) -> None:
         "bending": rod.elastic.law[0, 0] > 0,
         "twist": rod.elastic.law[0, 2] > 0,
         "preform": rod.elastic.bent.any(),
+        "micro_length": len(rod.elastic.smoothing) > 0,
         "stretch": len(rod.give) > 0,
         "contact": len(rod.touch.contact) > 0,
         "bond": len(rod.held.element) > len(bare.held.element),
     }
     assert added[name]
-    assert len(bare.touch.contact) == len(bare.give) == 0
+    assert len(bare.touch.contact) == len(bare.give) == len(bare.elastic.smoothing) == 0
     assert not bare.loads.any()
     assert not bare.elastic.bent.any()
     assert len(bare.held.element) == 3

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from shape_server import kernels, numpy_path
+from shape_server import kernels, numpy_path, numpy_vertices
 from shape_server.system import elastic_of
 
+NO_TIES = np.zeros((0, 2))
 PATHS = pytest.mark.parametrize("path", [kernels, numpy_path], ids=["compiled", "numpy"])
 
 
@@ -27,7 +28,7 @@ class Sample:
         self.clamp_of_node[[0, 4, 10]] = [0, 1, 2]
         self.clamp_frames = Rotation.random(3, random_state=rng).as_quat()
         law = np.array([0.01, 0.013, 0.007]) * rng.uniform(0.5, 2.0, (10, 1))
-        self.elastic = elastic_of(law, rng.normal(size=(10, 3)), self.lengths)
+        self.elastic = elastic_of(law, rng.normal(size=(10, 3)), self.lengths, NO_TIES)
         self.forces = rng.normal(size=(11, 3))
         self.base = 4
         self.origin = np.array([0.1, -0.2, 0.3])
@@ -70,10 +71,10 @@ def random_blocks(seed: int, count: int = 12) -> tuple[np.ndarray, np.ndarray]:
 def test_both_paths_offer_the_same_functions() -> None:
     names = {name for name, value in vars(kernels).items() if hasattr(value, "py_func")}
     assert {name for name in names if not callable(getattr(numpy_path, name, None))} == set()
-    twins = {name for name in names if getattr(numpy_path, name).__module__ == numpy_path.__name__}
+    twins = {name for name in names if getattr(numpy_path, name).__module__ in (numpy_path.__name__, numpy_vertices.__name__)}
     assert twins == {
-        "directors", "positions", "carried_forces", "elastic_energy", "assemble", "columns", "factor_and_solve", "retract",
-        "solve_symmetric",
+        "directors", "positions", "carried_forces", "elastic_energy", "assemble", "smoothing_energy", "add_smoothing", "columns",
+        "factor_and_solve", "eliminate", "retract", "solve_symmetric",
     }  # fmt: skip
     for name in twins:
         compiled = list(inspect.signature(getattr(kernels, name).py_func).parameters)
@@ -163,7 +164,7 @@ def test_the_hessian_is_the_derivative_of_the_gradient_at_a_straight_free_rod(pa
     sample = Sample()
     sample.forces[:] = 0.0
     sample.clamp_of_node[:] = -1
-    sample.elastic = elastic_of(sample.elastic.law, np.zeros((10, 3)), sample.lengths)
+    sample.elastic = elastic_of(sample.elastic.law, np.zeros((10, 3)), sample.lengths, NO_TIES)
     frames = np.tile(sample.clamp_frames[0], (10, 1))
     gradient, diagonal, upper = sample.assembled(path, frames)
     assert np.abs(gradient).max() < 1e-14
@@ -213,6 +214,40 @@ def test_the_count_of_negative_pivots_is_that_of_negative_eigenvalues(path: Modu
 
 
 @PATHS
+@pytest.mark.parametrize("count", [1, 2, 3, 12])
+@pytest.mark.parametrize("seed", range(5))
+def test_frames_tied_to_the_next_but_one_are_eliminated_too(path: ModuleType, count: int, seed: int) -> None:
+    (diagonal, upper), rng = random_blocks(seed, count), np.random.default_rng(seed)
+    beyond, matrix = rng.normal(size=(count, 3, 3)), dense(diagonal, upper)
+    beyond[-2:] = 0.0
+    for i in range(count - 2):
+        matrix[3 * i : 3 * i + 3, 3 * i + 6 : 3 * i + 9] = beyond[i]
+        matrix[3 * i + 6 : 3 * i + 9, 3 * i : 3 * i + 3] = beyond[i].T
+    right = rng.normal(size=(count, 3, 2))
+    solution = right.copy()
+    assert path.eliminate(diagonal, upper, beyond, solution) == (np.linalg.eigvalsh(matrix) < 0).sum()
+    expected = np.linalg.solve(matrix, right.reshape(-1, 2)).reshape(count, 3, 2)
+    np.testing.assert_allclose(solution, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("clamps", [[0, 4, 10], [4], []])
+def test_compiled_ties_equal_their_numpy_twins(clamps: list[int]) -> None:
+    sample = Sample()
+    sample.clamp_of_node[:] = -1
+    sample.clamp_of_node[clamps] = range(len(clamps))
+    elastic = elastic_of(sample.elastic.law, sample.elastic.bent, sample.lengths, np.random.default_rng(2).uniform(size=(10, 2)))
+    place = (sample.frames, sample.lengths, elastic, sample.clamp_of_node, sample.clamp_frames)
+    energies = [path.smoothing_energy(*place) for path in (kernels, numpy_path)]
+    np.testing.assert_allclose(*energies, rtol=1e-13)
+    found = []
+    for path in (kernels, numpy_path):
+        blocks = [np.zeros((10, 3)), np.zeros((10, 3, 3)), np.zeros((10, 3, 3))]
+        found.append([*blocks, path.add_smoothing(*place, *blocks)])
+    for compiled, plain in zip(*found, strict=True):
+        np.testing.assert_allclose(compiled, plain, atol=1e-12 * np.abs(plain).max())
+
+
+@PATHS
 def test_a_retracted_frame_is_the_frame_times_the_turn(path: ModuleType) -> None:
     sample = Sample()
     expected = (Rotation.from_quat(sample.frames) * Rotation.from_rotvec(sample.turn)).as_matrix()
@@ -227,7 +262,7 @@ def test_energy_of_a_circle_converges_to_the_exact_one_with_second_order(path: M
         turns = Rotation.from_rotvec(np.outer(np.arange(count), [2 * np.pi / count, 0.0, 0.0]))
         free = np.full(count + 1, -1)
         lengths = np.full(count, 1 / count)
-        ones = elastic_of(np.ones((count, 3)), np.zeros((count, 3)), lengths)
+        ones = elastic_of(np.ones((count, 3)), np.zeros((count, 3)), lengths, NO_TIES)
         energy = path.elastic_energy(turns.as_quat(), lengths, ones, free, np.zeros((0, 4)))
         errors.append(energy / ((count - 1) / count * 0.5 * (2 * np.pi) ** 2) - 1)
     assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.1)

@@ -14,7 +14,7 @@ from protocol.messages import PointLoads, Problem, Shape
 from protocol.scene import Cable, LumpedMass, Section
 from shape_server import solve
 
-SOFT = cable(bending=1e-8)
+SOFT, MICRO = cable(bending=1e-8), replace(cable(bending=1e-3), micro_length=0.02)
 
 
 def asked(rod: Cable, model: Model = Model.AUTO, *, chord: float = 0.6, tolerance: float = 1e-3) -> Shape:
@@ -37,7 +37,9 @@ def apart(one: Shape, other: Shape) -> float:
         (SOFT, 0.6, 1e-4, "rod"),
         (cable(), 0.6, 1e-3, "rod"),
         (cable(bending=None), 0.6, 1e-3, "catenary"),
-        (replace(cable(bending=1e-3), micro_length=0.02), 0.97, 1e-3, "gradient"),
+        (MICRO, 0.99, 1e-3, "gradient"),
+        (MICRO, 0.97, 1e-3, "rod"),
+        (MICRO, 0.6, 1e-3, "rod"),
     ],
 )
 def test_the_cheapest_model_that_keeps_the_tolerance_is_taken(rod: Cable, chord: float, tolerance: float, model: str) -> None:
@@ -53,6 +55,8 @@ def test_the_cheapest_model_that_keeps_the_tolerance_is_taken(rod: Cable, chord:
         (cable(bending=1e-3), Model.GRADIENT, 0.97),
         (SOFT, Model.CATENARY, 0.6),
         (cable(bending=1e-4), Model.CATENARY, 0.6),
+        (MICRO, Model.GRADIENT, 0.97),
+        (replace(cable(bending=1e-4), micro_length=0.05), Model.CATENARY, 0.6),
         (cable(), Model.TAUT, 0.9),
     ],
 )
@@ -63,7 +67,7 @@ def test_what_a_cheaper_model_leaves_out_is_no_more_than_it_says(rod: Cable, mod
     assert apart(exact, cheap) <= cheap.error  # measured 0.29 (gradient), 0.76 and 0.93 (catenary), 0.97 (taut) of it
     if model is not Model.GRADIENT:
         assert set(cheap.left_out) == {"bending"}
-        assert "bending" not in cheap.effects
+        assert not {"bending", "micro_length"} & set(cheap.effects)
 
 
 def test_the_gradient_cable_gives_the_forces_and_moments_of_the_rod() -> None:
@@ -93,12 +97,14 @@ def test_a_catenary_never_leaves_out_what_hangs_on_it(changes: dict[str, object]
     assert f"'{next(iter(changes))}'" in shape.sentence
 
 
-def test_a_rod_without_bending_or_with_a_gradient_of_curvature_is_refused() -> None:
+def test_a_rod_without_bending_is_refused() -> None:
     assert "needs 'bending'" in asked(cable(bending=None), Model.ROD).sentence
-    assert "micro_length" in asked(replace(cable(), micro_length=0.1), Model.ROD).sentence
 
 
 def test_contacts_start_shapes_and_whole_turns_keep_the_rod() -> None:
+    near = solve(Problem(cable=MICRO, grasps=span(0.99)), GRAVITY, path=KERNELS)
+    assert near.model == "gradient"
+    assert solve(Problem(cable=MICRO, grasps=span(0.99), start=start_from(near)), GRAVITY, path=KERNELS).model == "rod"
     shape = solve(Problem(cable=SOFT, grasps=span(), model=Model.ROD), GRAVITY, path=KERNELS)
     for more in (
         {"start": start_from(shape)},
