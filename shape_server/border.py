@@ -26,7 +26,7 @@ class Border(NamedTuple):
     saddles: int  # negative directions that the curvature rows bring with them
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     """All rows at a state.
 
@@ -73,7 +73,7 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _bent(rod, state, view):  # type: ignore[no-untyped-def]
     """Contacts whose feature is curved and pushes, the rows they need, and the negative directions those bring."""
     chosen, rows, saddles = np.empty(len(state.push), dtype=np.int64), 0, 0
@@ -88,7 +88,7 @@ def _bent(rod, state, view):  # type: ignore[no-untyped-def]
     return chosen[:count], rows, saddles
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, compliance):  # type: ignore[no-untyped-def]
     """Rows that carry the curvature of an edge or a vertex, see `contact_geometry`; returns the next free row.
 

@@ -22,7 +22,7 @@ EXCHANGES_MAX = 200
 PATIENCE = 3  # block exchanges allowed without progress
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def close(matrix, right, first_contact, contact_count, push, is_exact):  # type: ignore[no-untyped-def]
     """Change of the force of every row.
 
@@ -70,7 +70,7 @@ def close(matrix, right, first_contact, contact_count, push, is_exact):  # type:
     return change, closed, positive
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
     """Forces f >= 0 (c,) with w = matrix f - right >= 0 and f w = 0; as near as it came if the matrix is not positive.
 
@@ -103,7 +103,7 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
     return np.maximum(force, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _part(matrix, rows, columns):  # type: ignore[no-untyped-def]
     out = np.empty((len(rows), len(columns)))
     for i in range(len(rows)):

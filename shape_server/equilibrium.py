@@ -79,7 +79,7 @@ class Descent(NamedTuple):
     worst: float  # m, largest miss when the multipliers were last renewed
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def settle(rod, state, near):  # type: ignore[no-untyped-def]
     """Newton's method with exact rows from a state nearby.
 
@@ -117,7 +117,7 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
     return Settled(state, view, False, is_stable, most, unbalanced, NOT_SHORT)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_near(rod, state, view, step, longest, miss):  # type: ignore[no-untyped-def]
     """Whether a step leaves an error of no more than the square of `TURN_DONE`: of its own square times force over stiffness.
 
@@ -137,13 +137,13 @@ def _is_near(rod, state, view, step, longest, miss):  # type: ignore[no-untyped-
     return np.sqrt((couple * couple).sum()) <= least
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _change(before, after):  # type: ignore[no-untyped-def]
     """Largest change of a force [N], less what is rounding of the largest."""
     return np.abs(after - before).max() - FORCE_DONE * np.abs(after).max() if len(after) > 0 else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
     """Descend towards a minimum of the energy by at most so many steps.
 
@@ -187,13 +187,13 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
     return Descent(Settled(state, view, False, False, iteration, unbalanced, why), force, push, stiffness, shift, helped, worst)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def begin_stiffness(rod):  # type: ignore[no-untyped-def]
     """Penalty of held points to begin with [N/m]; that of contacts is ten times as large."""
     return 30.0 * (rod.weight + 10.0 * rod.stiffest / rod.shortest**2) / rod.shortest
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def kick(rod):  # type: ignore[no-untyped-def]
     """Small smooth turns (n-1, 3) [rad] without symmetry, the same every time: a way off a saddle."""
     turn, s = np.empty((len(rod.lengths), 3)), 0.0
@@ -206,7 +206,7 @@ def kick(rod):  # type: ignore[no-untyped-def]
     return turn
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _largest(values):  # type: ignore[no-untyped-def]
     """Largest magnitude in an array (n, 3); not finite if one of them is not."""
     most = 0.0
@@ -219,7 +219,7 @@ def _largest(values):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     """Take a step, then drop the bonds that pull; whether there were any."""
     holds, let_go = state.holds.copy(), False
@@ -240,7 +240,7 @@ def _advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     return moved, seen, let_go
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _soft_forces(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
     """The state with the forces that the penalties and the multipliers `force` and `push` give."""
     soft = force - stiffness * view.miss
@@ -251,7 +251,7 @@ def _soft_forces(rod, state, view, force, push, stiffness):  # type: ignore[no-u
     return State(state.frames, soft, state.holds, pressed, pressed > 0.0, state.fraction)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _merit(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
     """Augmented Lagrangian [J], whose gradient is that of the energy with the forces of `_soft_forces`."""
     total = energy(rod, state, view)
@@ -265,7 +265,7 @@ def _merit(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _search(rod, state, view, step, scale, force, push, stiffness):  # type: ignore[no-untyped-def]
     """Shorten the step until the merit falls; the start again, and False, if it does not."""
     before = _merit(rod, state, view, force, push, stiffness)
@@ -281,7 +281,7 @@ def _search(rod, state, view, step, scale, force, push, stiffness):  # type: ign
     return state, view, False
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _worst_miss(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest distance of a held point from its goal, or of a contact from where its force would have it [m].
 

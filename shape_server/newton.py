@@ -44,7 +44,7 @@ class Step(NamedTuple):
     stiffness: float  # N, turn . H turn over the sum of h |turn|^2: against this very turn
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
     """Carried forces, then gradient and blocks, the couples of the contacts added to the gradient.
 
@@ -64,7 +64,7 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
     return carried, gradient, diagonal, upper, beyond
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _couple(rod, view, row):  # type: ignore[no-untyped-def]
     """Change of the gap of a contact with the rotation of its segment about d1 and d2 [m].
 
@@ -76,13 +76,13 @@ def _couple(rod, view, row):  # type: ignore[no-untyped-def]
     return -arm * second, arm * first
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def unbalanced(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest unbalanced couple of a segment over its length [N]."""
     return _largest_couple(linear_system(rod, state, view)[1], rod.lengths)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _largest_couple(gradient, lengths):  # type: ignore[no-untyped-def]
     most = 0.0
     for j in range(len(lengths)):
@@ -91,7 +91,7 @@ def _largest_couple(gradient, lengths):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     """One Newton step from a state.
 
@@ -141,7 +141,7 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     return Step(turn, force, push, touches, is_stable, _largest_couple(gradient, rod.lengths), slope, stiffness)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-untyped-def]
     """Columns (n-1, 3, count) of all rows; what stretch adds goes to `diagonal` and to the compliance of the border too."""
     matrix = columns(view.axes, view.lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
@@ -167,7 +167,7 @@ def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-unt
     return matrix
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def fix_gauge(rod, diagonal, shift):  # type: ignore[no-untyped-def]
     """Add the shift, and where no clamp holds the roll of the cable, hold that of one segment: if round and straight, it keeps its shape.
 
@@ -183,7 +183,7 @@ def fix_gauge(rod, diagonal, shift):  # type: ignore[no-untyped-def]
         diagonal[segment, 2, 2] += share * rod.elastic.law[segment, 2] / rod.length
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_round(elastic):  # type: ignore[no-untyped-def]
     """Whether no direction of any section differs from the others."""
     for j in range(len(elastic.law)):

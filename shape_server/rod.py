@@ -99,7 +99,7 @@ class View(NamedTuple):
     numbers: np.ndarray  # (m, 4), see `contact_geometry`
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
     """Positions, gaps and misses of a state; the contacts of the returned state have slid to where they are nearest.
 
@@ -136,14 +136,14 @@ def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
     return moved, View(axes, lengths, nodes, miss, gap, normal, push, slide, across, numbers)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def is_active(rod, state, row):  # type: ignore[no-untyped-def]
     """Whether a row of a held point holds: always that of a grasp, that of a bond until it pulls."""
     bond = rod.held.bond[row]
     return bond < 0 or state.holds[bond]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _handed_over(touch, gap, push, touches):  # type: ignore[no-untyped-def]
     """Forces (m,) and touches (m,) after rows that another one has taken over from gave it what they carried."""
     push, touches = push.copy(), touches.copy()
@@ -161,13 +161,13 @@ def _handed_over(touch, gap, push, touches):  # type: ignore[no-untyped-def]
     return push, touches
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def node_forces(rod, state, view):  # type: ignore[no-untyped-def]
     """Loads, forces at held points and contact forces, shared by the nodes: (n, 3) [N]. The base is left out."""
     return _node_forces(rod, state, view.push)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     forces = rod.loads.copy()
     for row in range(len(state.force)):
@@ -179,14 +179,14 @@ def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     return forces
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _share(forces, element, fraction, size, direction):  # type: ignore[no-untyped-def]
     for k in range(3):
         forces[element, k] += (1.0 - fraction) * size * direction[k]
         forces[element + 1, k] += fraction * size * direction[k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def net_moment(rod, state, view):  # type: ignore[no-untyped-def]
     """Moment (3,) [N m] of loads, held points and contacts about the base; what clamps do not take, an equilibrium leaves zero."""
     forces, total = node_forces(rod, state, view), np.zeros(3)
@@ -197,14 +197,14 @@ def net_moment(rod, state, view):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _add_cross(out, size, a, b):  # type: ignore[no-untyped-def]
     out[0] += size * (a[1] * b[2] - a[2] * b[1])
     out[1] += size * (a[2] * b[0] - a[0] * b[2])
     out[2] += size * (a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def energy(rod, state, view):  # type: ignore[no-untyped-def]
     """Energy of bending and twist less the work of the loads [J]; forces on the border are left out."""
     total = elastic_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
