@@ -22,7 +22,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Hold
 from protocol.messages import Grasps
@@ -31,6 +30,7 @@ from .border import SOFTNESS
 from .contact_slopes import COUPLE, DIRECTION, GAP, LENGTH, NODE, PLACE, TURNS, ContactSlopes, contact_slopes
 from .elimination import factor_and_solve
 from .newton import fix_gauge, linear_system
+from .numpy_path import directors
 from .rod import Rod, State, View
 from .system import System
 from .vertices import CLAMP, vertex
@@ -237,7 +237,7 @@ def _forces(system: System, column: Column, state: State, border: Array) -> Arra
 
 def _sides(rod: Rod, state: State) -> Iterator[Side]:
     """Half cells beside clamps."""
-    matrices = Rotation.from_quat(rod.clamp_frames).as_matrix() if len(rod.clamp_frames) else np.zeros((0, 3, 3))
+    matrices = np.swapaxes(directors(rod.clamp_frames), 1, 2)
     for node in np.flatnonzero(rod.clamp_of_node >= 0).tolist():
         clamp = int(rod.clamp_of_node[node])
         for segment in (node - 1, node):
