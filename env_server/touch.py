@@ -19,6 +19,7 @@ of the face, towards the side of the segment's earlier node. No sign is ever tak
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -111,8 +112,10 @@ class Touch:
             if count <= capacity:
                 break
             capacity = 2 * count
+        if not count:
+            return _candidates(hits[:0], 0, clearance, radius, np.zeros((0, 2)))
         hits = self._with_edges(hits[:count], poses, radius + edges.CLOSE)
-        if previous is not None and len(hits):
+        if previous is not None:
             _keep_normals(hits, previous)
         return _candidates(hits, count, clearance, radius, self._extents(hits, poses))
 
@@ -163,7 +166,8 @@ class Touch:
             raise SceneError(f"poses: shape {poses.shape} must be ({self.body_count}, 7), one row for each surface", key="poses")
         if excluded is not None and excluded.shape != (len(nodes) - 1, self.body_count):
             raise SceneError(f"excluded: shape {excluded.shape} must be ({len(nodes) - 1}, {self.body_count})", key="excluded")
-        if not (np.isfinite(nodes).all() and np.isfinite(poses).all() and np.isfinite(radius + reach)):
+        # A sum is finite only where all its terms are.
+        if not math.isfinite(nodes.sum() + poses.sum() + radius + reach):
             raise SceneError("nodes, poses, radius and reach: must be finite", key="nodes")
         # A zero quaternion would put the body nowhere, and its contacts would vanish without a word.
         if not (np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]) > 0.5).all():
