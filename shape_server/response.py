@@ -19,23 +19,26 @@ Derived here, checked by differences in the tests.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from protocol.kinds import Hold
 from protocol.messages import Grasps
 
+from .band import eliminate
 from .border import SOFTNESS
+from .chain import retract
 from .contact_slopes import COUPLE, DIRECTION, GAP, LENGTH, NODE, PLACE, TURNS, ContactSlopes, contact_slopes
-from .elimination import factor_and_solve
 from .newton import fix_gauge, linear_system
 from .numpy_path import directors
 from .rod import Rod, State, View
+from .section_forces import section_forces
 from .system import System
 from .vertices import CLAMP, vertex
 
 Array = np.ndarray
+CLAMP_TURN: Final = 3e-5  # rad; leaves 1e-9 of the slopes, as rounding does
 PUSH, FORCE, SHIFT, MOMENT = 0, slice(1, 4), 4, slice(5, 8)  # unknowns of a contact
 
 
@@ -87,17 +90,17 @@ def response(system: System, grasps: Grasps, state: State, view: View) -> tuple[
     guided = [(row, k) for row, k in enumerate(system.row_grasp.tolist()) if k >= 0 and grasps.hold[k] is Hold.GUIDE]
     column = Column(held, contacts, guided, len(held) + 8 * len(contacts.rows), 6 * len(grasps.s))
     grasp_of_clamp = [k for k, hold in enumerate(grasps.hold) if hold is not Hold.HINGE]
-    carried, _, diagonal, upper, _ = linear_system(rod, state, view)
+    carried, _, diagonal, upper, beyond = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, 0.0)
     spread = _spread(system, column, state, view)
     right = _columns(rod, view, carried, diagonal, spread)
     for k, row in enumerate(contacts.rows):
         right[rod.touch.element[row], :, column.contact(k) + 5 : column.contact(k) + 8] += np.eye(3)
-    sides = list(_sides(rod, state))
+    sides = list(_smoothed_sides(rod, state, view) if len(rod.elastic.smoothing) else _sides(rod, state))
     for side in sides:
         at = column.border + 6 * grasp_of_clamp[side.clamp] + 3
         right[side.segment, :, at : at + 3] -= side.mixed
-    factor_and_solve(diagonal, upper, right)
+    eliminate(diagonal, upper, beyond, right)
     motion = _motion(system, column, view, carried, spread, right)
     rows = np.vstack([_held_rows(system, column, grasps.position, view, motion), *_contact_rows(rod, column, state, motion)])
     border = -np.linalg.solve(rows[:, : column.border], rows[:, column.border :])
@@ -253,3 +256,20 @@ def _sides(rod: Rod, state: State) -> Iterator[Side]:
             half = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # of phi x slope is this times phi
             world = matrices[clamp]
             yield Side(clamp, segment, mixed @ world.T, world @ (own + half) @ world.T)
+
+
+def _smoothed_sides(rod: Rod, state: State, view: View) -> Iterator[Side]:
+    """The same with a micro-structure length, by which a clamp is felt two segments away: slopes by central differences."""
+    inward, segments = directors(rod.clamp_frames), range(len(rod.lengths))
+    for clamp in range(len(rod.clamp_frames)):
+        mixed, own = np.zeros((len(rod.lengths), 3, 3)), np.zeros((3, 3))
+        for k in range(3):
+            for sign in (1.0, -1.0):
+                turn = np.zeros((len(inward), 3))
+                turn[clamp] = sign * CLAMP_TURN * inward[clamp, :, k]
+                turned = rod._replace(clamp_frames=retract(rod.clamp_frames, turn))
+                mixed[:, :, k] += sign * linear_system(turned, state, view)[1] / (2.0 * CLAMP_TURN)
+                own[:, k] += sign * section_forces(turned, state, view)[3][clamp] / (2.0 * CLAMP_TURN)
+        felt = [segment for segment in segments if mixed[segment].any()]
+        for segment in felt:
+            yield Side(clamp, segment, mixed[segment], own if segment == felt[0] else np.zeros((3, 3)))

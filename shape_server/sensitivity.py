@@ -45,15 +45,13 @@ def sensitivities(problem: Problem, gravity: Vector, shape: Shape) -> Sensitivit
     keep the contacts which now push, and `sentence` names the contacts that may not.
 
     Args:
-        problem: What the shape is the answer to; without micro-structure length.
+        problem: What the shape is the answer to.
         gravity: [m/s^2].
         shape: Converged, of a rod, as `solve` answered; on its mesh.
 
     Raises:
         CablecosimError: If the shape is not that of a rod, or no equilibrium of the problem.
     """
-    if "micro_length" in effects.asked_for(problem, gravity):
-        raise CablecosimError("sensitivities are not built for 'micro_length'; leave it out, or take differences of solve()")
     if shape.outcome is not Outcome.CONVERGED:
         raise CablecosimError(f"sensitivities need a converged shape; this one is {shape.outcome.value}")
     if shape.model != "rod":

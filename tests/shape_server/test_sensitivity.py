@@ -13,7 +13,7 @@ from rods import ALONG_X, GRAVITY, KERNELS, RADIUS, Row, cable, contacts, frame,
 from scipy.spatial.transform import Rotation
 
 from protocol.errors import CablecosimError
-from protocol.kinds import Feature, Friction, Hold, Outcome
+from protocol.kinds import Feature, Friction, Hold, Model, Outcome
 from protocol.messages import Grasps, PointLoads, Problem, Shape
 from protocol.scene import LumpedMass, Section
 from shape_server import Sensitivities, sensitivities, solve
@@ -32,6 +32,11 @@ def held(*rows: tuple[float, object, np.ndarray, Hold]) -> Grasps:
 
 def posed(where: Grasps, *rows: Row, stretch: float | None = None) -> Problem:
     return Problem(cable=replace(cable(bending=5e-3), stretch=stretch), grasps=where, contacts=contacts(*rows) if rows else None)
+
+
+def smoothed(problem: Problem) -> Problem:
+    """The problem with a rod that resists a change of curvature."""
+    return msgspec.structs.replace(problem, cable=replace(problem.cable, micro_length=0.05), model=Model.ROD)
 
 
 def pressed(problem: Problem, s: float, feature: Feature = Feature.EDGE, *, by: float, distance: float = RADIUS) -> Problem:
@@ -101,7 +106,10 @@ FREE: dict[str, Callable[[], Problem]] = {
     "a guide in the plane": lambda: posed(span(hold=Hold.GUIDE)),
     "guides before the base, a cable that stretches": lambda: posed(TWO_GUIDES_AND_A_HINGE, stretch=20.0),
     "a cable that stretches": lambda: posed(SPAN_3D, stretch=20.0),
+    "a micro-structure length": lambda: smoothed(posed(SPAN_3D)),
+    "a micro-structure length, a guide, stretch": lambda: smoothed(posed(GUIDED, stretch=20.0)),
     "clamps inside": lambda: posed(A_HINGE_AND_INNER_CLAMPS),
+    "clamps inside, a micro-structure length": lambda: smoothed(posed(A_HINGE_AND_INNER_CLAMPS)),
     "clamps inside a cable that stretches": lambda: posed(A_HINGE_AND_INNER_CLAMPS, stretch=20.0),
 }
 TOUCHING: dict[str, Callable[[], Problem]] = {
@@ -115,6 +123,7 @@ TOUCHING: dict[str, Callable[[], Problem]] = {
     "a bond and a plane": lambda: posed(
         SPAN_3D, Row(s=0.4, point=(0.31, 0.023, -0.22), friction=Friction.BOND), Row(s=0.7, point=(0.49, 0.048, -0.065))
     ),
+    "an edge, a micro-structure length": lambda: pressed(smoothed(posed(SPAN_3D)), 0.4, by=0.01),
     "an edge in the plane": lambda: posed(span(), Row(s=0.41, point=(0.24, 0, -0.3), direction=(0, 1, 0), feature=Feature.EDGE)),
     "an edge": lambda: pressed(posed(SPAN_3D), 0.4, by=0.01),
     "an edge, stretch": lambda: pressed(posed(SPAN_3D, stretch=20.0), 0.6, by=0.01),
