@@ -180,6 +180,7 @@ class Shape(Part, frozen=True):
     curvature: np.ndarray  # (n,) 1/m, of bending, at every node
     grasp_wrenches: np.ndarray  # (g, 6) N and N m, on the cable at every grasp, force then moment
     contact_forces: np.ndarray  # (m, 3) N, on the cable, in the order of the request's contacts
+    contact_moments: np.ndarray  # (m, 3) N m, of the same about the axis at `contact_s`: on an edge the force acts beside the axis
     contact_s: np.ndarray  # (m,) m, where along the cable each contact has slid to
     outcome: Outcome
     sentence: str  # how it ended
@@ -210,6 +211,7 @@ class Shape(Part, frozen=True):
             ("curvature", (nodes,), HUGE),
             ("grasp_wrenches", (grasps, 6), HUGE),
             ("contact_forces", (contacts, 3), HUGE),
+            ("contact_moments", (contacts, 3), HUGE),
             ("contact_s", (contacts,), EXTENT_MAX),
         ):
             check_floats(f"shape.{name}", getattr(self, name), shape, most)

@@ -108,6 +108,7 @@ def answer(problem: Problem, used: tuple[str, ...], rung: Rung, model: Model, se
         curvature=rung.curvature,
         grasp_wrenches=rung.wrenches,
         contact_forces=rung.contact_forces,
+        contact_moments=np.zeros_like(rung.contact_forces),
         contact_s=problem.contacts.s if problem.contacts is not None else np.zeros(0),
         outcome=Outcome.CONVERGED,
         sentence=sentence,

@@ -79,11 +79,11 @@ def join(problem: Problem, shapes: list[Shape]) -> Shape:
             return msgspec.structs.replace(shape, sentence=sentence, grasp_wrenches=wrenches, iterations=iterations, cost=cost)
     wrenches, curvature = np.zeros((len(problem.grasps.s), 6)), [shapes[0].curvature]
     count = 0 if problem.contacts is None else len(problem.contacts.s)
-    contact_forces, contact_s = np.zeros((count, 3)), np.zeros(count)
+    contact_forces, contact_moments, contact_s = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
     for (first, last), shape in zip(pairwise(ends), shapes, strict=True):
         grasps, contacts = of_piece(problem, first, last)
         wrenches[grasps] += shape.grasp_wrenches
-        contact_forces[contacts] = shape.contact_forces
+        contact_forces[contacts], contact_moments[contacts] = shape.contact_forces, shape.contact_moments
         contact_s[contacts] = shape.contact_s + first
     for shape in shapes[1:]:
         curvature[-1] = np.append(curvature[-1][:-1], max(curvature[-1][-1], shape.curvature[0]))
@@ -98,6 +98,7 @@ def join(problem: Problem, shapes: list[Shape]) -> Shape:
         curvature=np.concatenate(curvature),
         grasp_wrenches=wrenches,
         contact_forces=contact_forces,
+        contact_moments=contact_moments,
         contact_s=contact_s,
         effects=tuple(dict.fromkeys(name for shape in shapes for name in shape.effects)),
         sentence=f"{len(shapes)} pieces between clamps; {'; '.join(sentences)}",

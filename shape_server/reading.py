@@ -26,6 +26,7 @@ class Reading:
     curvature: Array  # (n,) 1/m
     wrenches: Array  # (g, 6) N and N m, on the cable at every grasp
     contact_forces: Array  # (m, 3) N
+    contact_moments: Array  # (m, 3) N m, about the axis at `contact_places`
     energy: float  # J
     total_twist: float  # rad
 
@@ -46,26 +47,38 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
     held = view.nodes[system.mesh.grasp_nodes]
-    moment = _contact_moment(system, found)
+    places = _on_axis(view.nodes, *system.mesh.locate(contact_places(problem, system, found)))
+    contact_moments = _contact_moments(system, found, len(contact_forces)) - _crosses(places, contact_forces)
+    moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces)
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
     energy = float(path.energy(rod, state, view))
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())
-    return Reading(view.nodes, tension, curvature, wrenches, contact_forces, energy, float(twist))
+    return Reading(view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, energy, float(twist))
 
 
-def _contact_moment(system: System, found: Settled) -> Array:
-    """Moment (3,) [N m] of all contacts about the world's origin.
+def _contact_moments(system: System, found: Settled, count: int) -> Array:
+    """Moments (m, 3) [N m] of all contacts about the world's origin.
 
     A bond acts at its point of the axis. What pushes acts where it touches: its moment is that of a force at the axis and the couple of
     `contact_geometry`, zero on a face, where the line of the force meets the axis.
     """
     rod, state, view = system.rod, found.state, found.seen
-    bonds = np.flatnonzero(rod.held.bond >= 0)
-    pulls, push = state.force[bonds, None] * rod.held.axis[bonds], state.push[:, None]
-    out = cross_sum(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), pulls)
-    out += cross_sum(push * _on_axis(view.nodes, rod.touch.element, state.fraction), view.push)
-    return np.asarray(out + cross_sum(push * view.numbers[:, 2:3] * view.axes[rod.touch.element, 2], view.normal))
+    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.bond >= 0)
+    if len(bonds):
+        pulls = state.force[bonds, None] * rod.held.axis[bonds]
+        moments = _crosses(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), pulls)
+        np.add.at(out, system.bond_contact[rod.held.bond[bonds]], moments)
+    moments = _crosses(_on_axis(view.nodes, rod.touch.element, state.fraction), view.push)
+    moments += view.numbers[:, 2:3] * _crosses(view.axes[rod.touch.element, 2], view.normal)
+    np.add.at(out, rod.touch.contact, state.push[:, None] * moments)
+    return out
+
+
+def _crosses(first: Array, second: Array) -> Array:
+    """Vector products (k, 3) of rows; for a few of them np.cross takes five times as long."""
+    after, before = [1, 2, 0], [2, 0, 1]
+    return np.asarray(first[:, after] * second[:, before] - first[:, before] * second[:, after])
 
 
 def _on_axis(nodes: Array, element: Array, fraction: Array) -> Array:

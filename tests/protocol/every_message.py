@@ -99,6 +99,7 @@ def shape() -> Shape:
         curvature=np.ones(4),
         grasp_wrenches=np.ones((2, 6)),
         contact_forces=np.ones((3, 3)),
+        contact_moments=np.ones((3, 3)),
         contact_s=np.array([0.3, 0.6, 0.9]),
         outcome=Outcome.CONVERGED,
         sentence="converged",

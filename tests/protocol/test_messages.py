@@ -123,7 +123,7 @@ def test_a_solid_names_only_vertices_that_exist(triangles: list[list[int]]) -> N
     ("name", "value"),
     [("nodes", np.full((4, 3), np.nan)), ("nodes", np.zeros((4, 7))), ("nodes", np.zeros((3, 3))), ("frames", quaternions(4)),
      ("frames", np.zeros((3, 4))), ("tension", np.zeros(4)), ("curvature", np.zeros(3)), ("grasp_wrenches", np.zeros((2, 3))),
-     ("contact_forces", np.zeros((3, 2))), ("contact_s", np.zeros(2)), ("s", np.zeros(4, np.int64))],
+     ("contact_forces", np.zeros((3, 2))), ("contact_moments", np.zeros((2, 3))), ("contact_s", np.zeros(2)), ("s", np.zeros(4, np.int64))],
 )  # fmt: skip
 def test_a_shape_that_does_not_fit_together_is_no_message(name: str, value: np.ndarray) -> None:
     with pytest.raises(MessageError, match=r"^shape\."):

@@ -29,6 +29,7 @@ def shape(*, outcome: Outcome = Outcome.CONVERGED, tension: float = 1.0, curvatu
         curvature=np.array([0.0, -curvature]),
         grasp_wrenches=np.array([[0.0, force, 0.0, 9.0, 9.0, 9.0]]),
         contact_forces=np.zeros((0, 3)),
+        contact_moments=np.zeros((0, 3)),
         contact_s=np.zeros(0),
         outcome=outcome,
         sentence="as wished",

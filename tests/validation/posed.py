@@ -87,17 +87,18 @@ def on_nodes(shape: Shape, weight: np.ndarray, grasps: Grasps) -> np.ndarray:
 def unbalance(cable: Cable, shape: Shape, grasps: Grasps, points: np.ndarray | None = None) -> tuple[float, float]:
     """Sum of all forces, and of their moments about the origin, on the whole cable; over its weight, and weight times length.
 
-    The weight acts as `on_nodes` says, a contact on the axis at its arc length, or at the `points` of the bodies, (m, 3) [m]:
-    without friction the line of the force passes through the edge, and the axis is a polygon.
+    The weight acts as `on_nodes` says, a grasp at its node, a contact with its moment on the axis at its arc length, or its force alone
+    at the `points` of the bodies, (m, 3) [m]: without friction its line passes through the edge, and the axis is a polygon.
     """
     weight = on_nodes(shape, cable.mass_per_length * G * np.diff(shape.s), grasps)[:, None] * np.array([0.0, 0.0, -1.0])
-    axis = np.column_stack([np.interp(shape.contact_s, shape.s, row) for row in shape.nodes.T])
-    touch = axis if points is None else points
+    held, axis = (np.column_stack([np.interp(s, shape.s, row) for row in shape.nodes.T]) for s in (grasps.s, shape.contact_s))
+    touch, touch_moments = (axis, shape.contact_moments) if points is None else (points, np.zeros((0, 3)))
     force = shape.grasp_wrenches[:, :3].sum(0) + shape.contact_forces.sum(0) + weight.sum(0)
     moment = (
         shape.grasp_wrenches[:, 3:].sum(0)
-        + np.cross(grasps.position, shape.grasp_wrenches[:, :3]).sum(0)
+        + np.cross(held, shape.grasp_wrenches[:, :3]).sum(0)
         + np.cross(touch, shape.contact_forces).sum(0)
+        + touch_moments.sum(0)
         + np.cross(shape.nodes, weight).sum(0)
     )
     total = cable.mass_per_length * G * cable.length

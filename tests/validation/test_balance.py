@@ -144,6 +144,7 @@ def test_a_contact_in_space_is_in_the_balance_where_it_acts(bending: float, hold
     surface = (
         axis - 5e-3 * np.array(normal) if feature is Feature.FACE else point + (axis - point) @ np.array(direction) * np.array(direction)
     )
-    force, moment = unbalance(rod, shape, held, surface[None])
+    force, moment = unbalance(rod, shape, held)
     assert force < 1e-13
-    assert moment < most
+    assert moment < 1e-9  # measured 6e-18 to 3.1e-11
+    assert unbalance(rod, shape, held, surface[None])[1] < most

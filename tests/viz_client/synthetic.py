@@ -48,6 +48,7 @@ def shape(height: float, *, count: int = 41) -> Shape:
         curvature=np.zeros(count),
         grasp_wrenches=np.zeros((2, 6)),
         contact_forces=np.zeros((0, 3)),
+        contact_moments=np.zeros((0, 3)),
         contact_s=np.zeros(0),
         outcome=Outcome.CONVERGED,
         sentence="",
