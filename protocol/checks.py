@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -17,8 +18,9 @@ HUGE: Final = 1e12  # in any unit; a number beyond this is a mistake
 EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
 
 
+@lru_cache(maxsize=64)
 def check_cable(cable: Cable) -> None:
-    """Check the numbers of a cable that came over the wire."""
+    """Check the numbers of a cable that came over the wire; the same cable comes with every step, and passes only once."""
     _check_numbers("cable", cable)
     for name, sentence in cable_mistakes(cable):
         raise MessageError(f"cable.{sentence}", key=f"cable.{name}")
