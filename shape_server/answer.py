@@ -12,7 +12,7 @@ from protocol.kinds import Outcome
 from protocol.messages import Cost, Problem, Shape
 
 from . import numpy_path
-from .reading import Reading, contact_places
+from .reading import Reading
 from .task import Solution, Task
 
 
@@ -41,7 +41,7 @@ def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, p
         grasp_wrenches=reading.wrenches,
         contact_forces=reading.contact_forces,
         contact_moments=reading.contact_moments,
-        contact_s=contact_places(task.problem, system, found),
+        contact_s=reading.contact_s,
         outcome=Outcome.CONVERGED,
         sentence=sentence,
         model="rod",

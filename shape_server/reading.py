@@ -26,7 +26,8 @@ class Reading:
     curvature: Array  # (n,) 1/m
     wrenches: Array  # (g, 6) N and N m, on the cable at every grasp
     contact_forces: Array  # (m, 3) N
-    contact_moments: Array  # (m, 3) N m, about the axis at `contact_places`
+    contact_moments: Array  # (m, 3) N m, about the axis at `contact_s`
+    contact_s: Array  # (m,) m
     energy: float  # J
     total_twist: float  # rad
 
@@ -47,14 +48,15 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
     held = view.nodes[system.mesh.grasp_nodes]
-    places = _on_axis(view.nodes, *system.mesh.locate(contact_places(problem, system, found)))
+    contact_s = contact_places(problem, system, found)
+    places = _on_axis(view.nodes, *system.mesh.locate(contact_s))
     contact_moments = _contact_moments(system, found, len(contact_forces)) - _crosses(places, contact_forces)
     moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces)
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
     energy = float(path.energy(rod, state, view))
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())
-    return Reading(view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, energy, float(twist))
+    return Reading(view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, energy, float(twist))
 
 
 def _contact_moments(system: System, found: Settled, count: int) -> Array:
