@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from types import ModuleType
 from typing import Final
 
@@ -22,7 +23,7 @@ from protocol.scene import Vector
 
 from .balance import balance
 from .case import Case, Check, Declined, Unsound, found
-from .posing import ALONG_X, GRAVITY, WEIGHTLESS, cable, frame, going_on, grasps, place, span
+from .posing import ALONG_X, GRAVITY, WEIGHTLESS, apart, cable, frame, going_on, grasps, place, span
 
 FAMILY: Final = "arches and branches"
 OVER: Final = np.array([1.0, -1.0, -1.0])  # half a turn about x
@@ -82,6 +83,10 @@ def _loaded_both_ways(chord: float, hold: Hold, path: ModuleType) -> Iterable[Ch
     falling = _sweep(_pressed(chord, hold, 1.0), -forces, path)
     heights = np.array([[float(place(shape, 0.5)[2]) for shape in way] for way in (rising, falling)])
     yield Check("way up against the image of the way down", float(np.abs(heights.sum(axis=0)).max()), 1e-5)
+    for way in (rising, falling):
+        for before, after in pairwise(way):
+            if after.sentence == "settled from the start shape":
+                yield Check("jump without a word", apart(before, after), 0.1)
     yield Check("arch not snapped over", float(heights[0, 0] - heights[0, -1]), 1e-9)
 
 

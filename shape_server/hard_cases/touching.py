@@ -28,6 +28,9 @@ IMPOSSIBLE: Final = {
     "in the clamp": ((0.0, 0.0, 0.1), 0.0),
     "at the clamp": ((0.0, 0.0, 0.1), 0.02),
 }
+HANGS: Final = "the search for a minimum does not come back from its kernel, in five minutes or more"
+PASSED: Final = "the axis comes 1.9 mm too near to an edge, with an error estimate below that"
+KNOWN: Final = {25: HANGS, 66: PASSED}
 
 
 def cases() -> Iterator[Case]:
@@ -60,8 +63,10 @@ def cases() -> Iterator[Case]:
         yield Case(f"wild force of {force:g} N to start from", FAMILY, partial(_wild, force))
     for name, (point, s) in IMPOSSIBLE.items():
         yield Case(f"face that cannot be met, {name}", FAMILY, partial(_impossible, point, s), may_decline=True)
-    for seed in range(20):
-        yield Case(f"random rows, seed {seed}", FAMILY, partial(_random_rows, seed), may_decline=seed in (7, 12))
+    for seed in (*range(20), *KNOWN):
+        known, hangs = KNOWN.get(seed, ""), KNOWN.get(seed) == HANGS
+        rows = partial(_random_rows, seed)
+        yield Case(f"random rows, seed {seed}", FAMILY, rows, is_slow=hangs, may_decline=seed == 12, known=known, hangs=hangs)
 
 
 def _touched(path: ModuleType, *rows: Row, count: int = 100) -> tuple[Problem, Shape]:

@@ -36,18 +36,20 @@ def run(cases: Iterable[Case], kernels: str, limit: float) -> Iterator[Result]:
         kernels: "compiled" or "numpy".
         limit: [s] After this a case counts as hanging.
     """
-    worker = _Worker(kernels)
+    worker: _Worker | None = None
     try:
         for case in cases:
+            worker = worker or _Worker(kernels)
             begun = time.perf_counter()
             verdict, seconds = worker.ask(case, limit) or (None, time.perf_counter() - begun)
             if verdict is None:
                 worker.kill()
                 verdict = Verdict(Ending.WRONG, np.inf, worker.obituary(limit))
-                worker = _Worker(kernels)
+                worker = None
             yield Result(case, verdict, seconds)
     finally:
-        worker.kill()
+        if worker is not None:
+            worker.kill()
 
 
 class _Worker:
