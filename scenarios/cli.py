@@ -150,6 +150,25 @@ def shape(
     return 1
 
 
+@app.command
+def hardcases(
+    *,
+    family: Annotated[str | None, Parameter(help="Run one family only.")] = None,
+    list_cases: Annotated[bool, Parameter(name="--list", negative=(), help="Name every case with its family, and end.")] = False,
+    json_file: Annotated[Path | None, Parameter(name="--json", help="Write every case with its ending, error, time and sentence.")] = None,
+    kernels: Annotated[Literal["auto", "compiled", "numpy"], Parameter(help="Solve by compiled kernels if ready, or as named.")] = "auto",
+) -> int:
+    """Solve a catalogue of hard cases; print how they end, family by family."""
+    import subprocess
+
+    from .children import command, environment
+
+    words = ["--kernels", kernels, *(["--list"] if list_cases else [])]
+    words += [word for name, value in (("--family", family), ("--json", json_file)) if value is not None for word in (name, str(value))]
+    done = subprocess.run(command("shape_server.hard_cases", words), env=environment(), check=False)
+    return done.returncode if done.returncode >= 0 else 1
+
+
 def _plural(word: str, count: int) -> str:
     if count == 1:
         return word

@@ -1,0 +1,77 @@
+"""Results as a table, family by family, and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+from .case import Ending
+from .worker import Result
+
+HEAD: Final = ("family", "cases", "right", "refused", "outside", "wrong", "known", "worst error", "median s", "worst s", "worst/median")
+
+
+def table(results: Sequence[Result]) -> str:
+    """One row a family and one for all; below it every case that is wrong, with its sentence.
+
+    "wrong" counts what was not known to be wrong; "known" what was. The worst error is that of the cases that are right, over their
+    tolerance: below one.
+    """
+    families = list(dict.fromkeys(result.case.family for result in results))
+    rows = [HEAD, *(_row(family, [one for one in results if one.case.family == family]) for family in families)]
+    if len(families) > 1:
+        rows.append((*_row("all", results)[:-1], ""))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(HEAD))]
+    lines = [
+        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]) for row in rows
+    ]
+    return "\n".join([*lines, *_wrong(results)])
+
+
+def _row(family: str, results: Sequence[Result]) -> tuple[str, ...]:
+    count = {ending: sum(one.verdict.ending is ending for one in results) for ending in Ending}
+    known = sum(one.verdict.ending is Ending.WRONG and bool(one.case.known) for one in results)
+    errors = [one.verdict.error for one in results if one.verdict.ending is Ending.RIGHT]
+    seconds = [one.seconds for one in results]
+    median = statistics.median(seconds)
+    return (
+        family,
+        str(len(results)),
+        *(str(count[ending]) for ending in (Ending.RIGHT, Ending.REFUSED, Ending.OUTSIDE)),
+        str(count[Ending.WRONG] - known),
+        str(known),
+        f"{max(errors):.2g}" if errors else "-",
+        f"{median:.3f}",
+        f"{max(seconds):.2f}",
+        f"{max(seconds) / max(median, 1e-9):.0f}",
+    )
+
+
+def _wrong(results: Iterable[Result]) -> Iterable[str]:
+    for one in results:
+        if one.is_silent and one.case.known:
+            yield f"known to be wrong, and {one.verdict.ending.value} now: {one.case.family}: {one.case.name}"
+        elif one.is_silent:
+            yield f"WRONG {one.case.family}: {one.case.name}: {one.verdict.sentence}"
+        elif one.case.known:
+            yield f"known {one.case.family}: {one.case.name}: {one.case.known}"
+
+
+def as_json(results: Iterable[Result]) -> str:
+    """Every case with its ending, error over tolerance (null if there is none), seconds and sentence."""
+    rows: list[dict[str, Any]] = [
+        {
+            "family": one.case.family,
+            "name": one.case.name,
+            "ending": one.verdict.ending.value,
+            "error": one.verdict.error if math.isfinite(one.verdict.error) else None,
+            "seconds": one.seconds,
+            "sentence": one.verdict.sentence,
+            "known": one.case.known,
+        }
+        for one in results
+    ]
+    return json.dumps(rows, indent=1) + "\n"
