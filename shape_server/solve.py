@@ -54,6 +54,9 @@ def solve(
     used = effects.asked_for(problem, gravity)
     begun = time.perf_counter()
     model = ladder.choose(problem, gravity, tolerance)
+    if any(problem.turns) and model is not Model.ROD:
+        sentence = f"whole turns of twist were asked for, which the model '{model.value}' does not know; ask for the rod"
+        return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
         return ladder.catenary_shape(problem, gravity, tolerance, used, begun)
     if model is Model.TAUT:

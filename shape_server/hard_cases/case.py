@@ -71,7 +71,7 @@ class Case:
     """A problem, or a chain of them, with what must hold of the answer.
 
     `known` says why the case is known to end wrong; `may_decline` that the solver is known to refuse it, or to own up to more than
-    the tolerance; `is_slow` that it takes more than about half a second; `hangs` that it must only be run by a worker, which can be killed.
+    the tolerance; `is_slow` that it takes more than about half a second.
     """
 
     name: str
@@ -80,7 +80,6 @@ class Case:
     is_slow: bool = False
     may_decline: bool = False
     known: str = ""
-    hangs: bool = False
 
     def run(self, path: ModuleType) -> Verdict:
         """Solve by a path, `numpy_path` or the compiled `kernels`, and judge what comes out; warnings count as wrong."""

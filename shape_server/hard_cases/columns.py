@@ -51,25 +51,18 @@ COLUMNS: Final = {
 }
 
 
-CALLED_STABLE: Final = (
-    "the straight column of EA = 1e6 N is called stable although its margin is negative, -0.1 of Euler's load at 1.1 of it"
-)
-STILL_STRAIGHT: Final = {("clamps", 1.1), ("hinges", 1.1), ("hinges", 1.5)}
-
-
 def cases() -> Iterator[Case]:
     """All cases of the family."""
     for name, ends in COLUMNS.items():
         for part in (*BELOW, *ABOVE):
-            known = CALLED_STABLE if (name, part) in STILL_STRAIGHT else ""
-            yield Case(f"column, {name}, at {part:g} of Euler's load", FAMILY, partial(_column, ends, part), known=known)
+            yield Case(f"column, {name}, at {part:g} of Euler's load", FAMILY, partial(_column, ends, part))
     for part in (0.5, 0.9, 0.98, 0.995, 1.005, 1.02, 1.1, 1.5):
         yield Case(f"mast at {part:g} of Greenhill's height", FAMILY, partial(_mast, part, True))
     for part in (0.5, 0.9, 1.1, 1.5, 3.0):
         yield Case(f"mast at {part:g} of Greenhill's height, cold", FAMILY, partial(_mast, part, False))
     for twist in (1.0, 2.0, 4.0):
         for part in (0.5, 0.9, 0.99, 0.998, 1.002, 1.01, 1.1):
-            snaps = part > 1 and twist > 1  # through itself, to a figure of eight
+            snaps = part > 1.005 or (part > 1 and twist > 1)  # through itself, to a figure of eight
             yield Case(f"ring, GJ/EI {twist:g}, at {part:g} of Michell's twist", FAMILY, partial(_ring, twist, part), may_decline=snaps)
     for chord in (0.9999, 0.99, 0.9, 0.7, 0.5):
         yield Case(f"elastica, ends at {chord:g} of the length", FAMILY, partial(_elastica, chord))

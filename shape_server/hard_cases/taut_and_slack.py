@@ -31,7 +31,6 @@ GRAVITIES: Final[dict[str, Vector]] = {
     "hardly any gravity": (0.0, 0.0, -1e-9),
     "gravity of a thousand g": (0.0, 0.0, -9810.0),
 }
-NO_MESSAGE: Final = "solve raises a MessageError about its own answer, a tension of 1e12 N or more, in place of an outcome with a sentence"
 
 
 def cases() -> Iterator[Case]:
@@ -42,8 +41,7 @@ def cases() -> Iterator[Case]:
         yield Case(f"soft rod against the catenary, slack {slack:g}", FAMILY, partial(_soft_rod, slack))
     for slack in (1e-2, 1e-4, 1e-6, 1e-8):
         for name, axis in AXES.items():
-            known = NO_MESSAGE if (slack, name) == (1e-8, "hanging down") else ""
-            yield Case(f"taut rod, slack {slack:g}, {name}", FAMILY, partial(_taut_rod, slack, axis), known=known)
+            yield Case(f"taut rod, slack {slack:g}, {name}", FAMILY, partial(_taut_rod, slack, axis))
     for slack in (1e-3, 1e-4, 1e-5, 1e-6):
         yield Case(f"pull of a taut string, slack {slack:g}", FAMILY, partial(_taut_pull, slack))
     for chord in (1.0 - 1e-13, 1.0, 1.0 + 1e-9, 1.01, 2.0):

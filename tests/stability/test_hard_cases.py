@@ -42,7 +42,7 @@ def _compiled() -> None:
 )
 def test_a_hard_case_ends_as_it_should(case: Case) -> None:
     begun = time.perf_counter()
-    verdict = next(worker.run([case], "compiled", 5.0)).verdict if case.hangs else case.run(kernels)
+    verdict = case.run(kernels)
     if not case.is_slow:
         SECONDS[case.family].append(time.perf_counter() - begun)
     if case.known:
@@ -63,7 +63,7 @@ def test_the_catalogue_is_large_and_its_names_are_unique() -> None:
     assert len(CASES) >= 250
     assert len({case.name for case in CASES}) == len(CASES)
     assert list(dict.fromkeys(case.family for case in CASES)) == list(family_names())
-    assert sum(bool(case.known) for case in CASES) < 23  # measured 22
+    assert sum(bool(case.known) for case in CASES) <= 2
 
 
 def _measured(error: float, path: ModuleType) -> list[Check]:
