@@ -78,7 +78,9 @@ class _Worker:
     def obituary(self, limit: float) -> str:
         """How the process ended."""
         code = self._process.exitcode
-        return f"no answer within {limit:g} s" if code == -signal.SIGKILL else f"the process died with exit code {code}"
+        return (
+            f"no answer within {limit:g} s, and so it was ended" if code == -signal.SIGKILL else f"the process died with exit code {code}"
+        )
 
     def kill(self) -> None:
         """End the process at once."""
