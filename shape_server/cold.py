@@ -12,7 +12,6 @@ from protocol.kinds import Hold
 from protocol.messages import Grasps, Problem
 
 from .mesh import Mesh
-from .numpy_path import directors
 
 PULL: Final = 0.6  # of the cable's length: how far a start curve goes along its clamps
 """With 0.1, 0.3, 0.6 and 1 the descent ended at the lowest shape found in 184, 188, 188 and 170 of 196 problems, plane and random."""
@@ -55,7 +54,7 @@ def _downwards(gravity: np.ndarray, chord: np.ndarray) -> np.ndarray:
 def tangents_at(grasps: Grasps, gravity: np.ndarray) -> np.ndarray:
     """Tangent at every held point (g, 3): that of a clamp; at a hinge towards the next held point, sagging with gravity."""
     count = len(grasps.s)
-    out: np.ndarray = directors(grasps.quaternion)[:, 2].copy()
+    out = np.array([tangent_of(quaternion) for quaternion in grasps.quaternion])
     down = gravity / max(float(np.linalg.norm(gravity)), 1e-300)
     for k in range(count):
         if grasps.hold[k] is Hold.HINGE:
@@ -77,7 +76,7 @@ def _rolled(mesh: Mesh, problem: Problem, tangents: np.ndarray, path: ModuleType
     rolls = [0.0]
     for place, k in enumerate(clamps[1:]):
         clamp = grasps.quaternion[k]
-        reached = path.turn_onto(quaternions[int(mesh.grasp_nodes[k]) - 1], directors(clamp[None, :])[0, 2].copy())
+        reached = path.turn_onto(quaternions[int(mesh.grasp_nodes[k]) - 1], tangent_of(clamp))
         missing = _roll(reached, clamp)
         # The roll nearest to that of the clamp before: no turns that nobody asked for.
         least = float((missing - rolls[-1] + np.pi) % (2 * np.pi) - np.pi)
@@ -86,6 +85,12 @@ def _rolled(mesh: Mesh, problem: Problem, tangents: np.ndarray, path: ModuleType
         extra = np.interp(0.5 * (mesh.s[:-1] + mesh.s[1:]), grasps.s[clamps], rolls)
         quaternions = path.retract(quaternions, np.outer(extra, [0.0, 0.0, 1.0]))
     return quaternions
+
+
+def tangent_of(quaternion: np.ndarray) -> np.ndarray:
+    """Third director (3,) of a frame (4,)."""
+    x, y, z, w = quaternion.tolist()
+    return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
 
 
 def _roll(first: np.ndarray, second: np.ndarray) -> float:

@@ -25,6 +25,7 @@ from protocol.messages import Cost, Problem, Shape
 from protocol.scene import Vector
 
 from .answer import no_shape
+from .cold import tangent_of
 from .hanging import not_built, solve_hanging
 from .mesh import Mesh, even, stops
 from .numpy_path import frames_along
@@ -193,7 +194,7 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
     if not plain or cable.bending is None or not load.any() or Hold.GUIDE in grasps.hold:
         sentence = "the gradient cable hangs between clamps or hinges at its two ends, with weight and bending, and carries nothing else"
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "gradient", time.perf_counter() - begun)
-    tangents = [_tangent(q) if hold is Hold.CLAMP else None for q, hold in zip(grasps.quaternion, grasps.hold, strict=True)]
+    tangents = [tangent_of(q) if hold is Hold.CLAMP else None for q, hold in zip(grasps.quaternion, grasps.hold, strict=True)]
     ends = grasps.position
     for segments in SEGMENTS:
         mesh = even(stops(problem), grasps.s, segments)
@@ -228,11 +229,6 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
 def _bending_energy(bending: float, micro_length: float, curvature: np.ndarray, mesh: Mesh) -> float:
     change = micro_length**2 * np.diff(curvature) ** 2 / mesh.lengths
     return float(0.5 * bending * (0.5 * (curvature[1:] ** 2 + curvature[:-1] ** 2) * mesh.lengths + change).sum())
-
-
-def _tangent(quaternion: np.ndarray) -> np.ndarray:
-    x, y, z, w = quaternion.tolist()
-    return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
 
 
 def _frames(nodes: np.ndarray, first: np.ndarray) -> np.ndarray:

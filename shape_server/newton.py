@@ -135,8 +135,10 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     push[~touches] = 0.0
     is_stable = negative + positive == len(held) + closed.sum() + border.saddles
     slope = (gradient * turn).sum()
-    bent = change @ (np.ascontiguousarray(matrix.reshape(3 * len(gradient), count).T) @ turn.reshape(-1)) - slope  # turn . H turn
-    size = (rod.lengths.reshape(-1, 1) * turn**2).sum()
+    bent = (turn.reshape(-1) @ matrix.reshape(3 * len(gradient), count)) @ change - slope  # turn . H turn
+    size = 0.0
+    for j in range(len(turn)):
+        size += rod.lengths[j] * (turn[j, 0] * turn[j, 0] + turn[j, 1] * turn[j, 1] + turn[j, 2] * turn[j, 2])
     stiffness = bent / size if size > 0.0 else np.inf
     return Step(turn, force, push, touches, is_stable, _largest_couple(gradient, rod.lengths), slope, stiffness)
 

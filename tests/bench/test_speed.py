@@ -53,8 +53,8 @@ pytestmark = [pytest.mark.bench, pytest.mark.timeout(600), pytest.mark.filterwar
 # What is asserted where a target is not reached, or not on a machine whose other core is busy too; the table shows the target.
 SCIPY = 50.0  # measured 65 to 139; the target
 NUMPY_STEP = 3.0  # ms, measured 1.2 to 2.2; target 1.5
-FRESH = 1.5  # s, measured 0.9 to 1.0; target 1
-COLD = 2.0  # ms, measured 0.9 to 1.2; target 1
+FRESH = 1.5  # s, measured 0.95 to 1.1; target 1
+COLD = 1.5  # ms, measured 0.73 to 0.92; target 1, and a neighbour on the machine is allowed for
 
 SEGMENTS_TOUCHING = 160
 BASELINE = HERE / "baseline.json"

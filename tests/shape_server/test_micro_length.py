@@ -15,7 +15,7 @@ from test_every_effect import replace_part
 from protocol.errors import CablecosimError
 from protocol.kinds import Feature, Hold, Model, Outcome
 from protocol.messages import PointLoads, Problem, Shape
-from shape_server import Follower, FollowerBatch, numpy_path, sensitivities, solve
+from shape_server import Follower, FollowerBatch, numpy_path, solve
 from shape_server.port import port
 from shape_server.rod import State
 
@@ -112,9 +112,6 @@ def test_a_follower_takes_it_along(extrapolate: bool) -> None:
 
 def test_what_is_not_built_for_it_says_so() -> None:
     problem = Problem(cable=MICRO, grasps=span(), model=Model.ROD)
-    shape = solve(problem, GRAVITY, extrapolate=False, path=KERNELS)
-    with pytest.raises(CablecosimError, match="micro_length"):
-        sensitivities(problem, GRAVITY, shape)
     with pytest.raises(CablecosimError, match="micro_length"):
         FollowerBatch([problem], GRAVITY)
     system = build(problem, GRAVITY)

@@ -226,7 +226,9 @@ def test_what_is_felt_beyond_an_inner_clamp_is_nothing() -> None:
 def test_an_open_contact_changes_nothing() -> None:
     problem, shape, found = at("two clamps")
     far = msgspec.structs.replace(problem, contacts=contacts(Row(s=0.5, point=(0.3, 0.0, -1.0))))
-    open_too = sensitivities(far, GRAVITY, msgspec.structs.replace(shape, contact_forces=np.zeros((1, 3)), contact_s=np.array([0.5])))
+    nothing = np.zeros((1, 3))
+    shape = msgspec.structs.replace(shape, contact_forces=nothing, contact_moments=nothing, contact_s=np.array([0.5]))
+    open_too = sensitivities(far, GRAVITY, shape)
     np.testing.assert_allclose(open_too.nodes, found.nodes, atol=1e-9)
     np.testing.assert_allclose(open_too.wrenches, found.wrenches, atol=1e-9)
 
