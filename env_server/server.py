@@ -28,6 +28,7 @@ from .stage import Stage
 from .stepped import Stepped, touch_points
 
 RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
+COMPILING: Final = "; kernels compile beside the run, once, for a minute or two, and numpy serves meanwhile"
 LINGER: Final = 60.0  # s to go on answering after the run
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyzmq", "pybullet", "trimesh", "manifold3d", "msgspec")
 
@@ -45,6 +46,7 @@ class Run:
         self._record = Publisher(frames, lossless=True)
         self._live = Publisher(live, lossless=False)
         self._asker = Asker(shape, patience=patience)
+        self._kernels = ""  # of the shape server, when it was greeted
         self._sequence = 0
         self._publishing = 0.0  # s that the last frame took; on the bill of the next
 
@@ -62,7 +64,7 @@ class Run:
             snapshot = self._snapshot(stage)
             self._control.offer(snapshot)
             loop = Loop(stage, self._asker, self._session)
-            self._control.say("predicting the first shape")
+            self._control.say("predicting the first shape" + (COMPILING if self._kernels == "compiling" else ""))
             first = loop.first()
             sentence = self._trouble(first)
             if sentence:
@@ -113,8 +115,7 @@ class Run:
                     sentence = f"no shape server at {error.key} within {self._patience:g} s; start it with: python -m shape_server --bind"
                     raise PeerLostError(f"{sentence} {error.key}", key=error.key) from error
             else:
-                if kernels == "compiling":
-                    self._control.say("compiling the kernels of the shapes beside the run, once: a minute or two; numpy serves meanwhile")
+                self._kernels = kernels
                 return
 
     def _snapshot(self, stage: Stage) -> Snapshot:
