@@ -19,6 +19,7 @@ of the face, towards the side of the segment's earlier node. No sign is ever tak
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,6 +36,8 @@ from .pairs import PAIR
 from .poses import turn_inside, turn_outside
 from .surface import Surface, join
 
+COMPILED: Final = ("hits", "pairs", "distances", "surface")  # files with what numba compiles of the search
+STAMP: Final = "search.stamp"  # beside numba's cache: what the code in it was compiled from
 NEIGHBOURHOOD: Final = 1.5  # segments along the cable within which a previous normal still holds
 
 
@@ -190,18 +193,33 @@ def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def warm_up() -> None:
     """Compile or load everything that a search runs."""
+    compiled = is_compiled()
+    if not compiled:
+        # numba sees a change of a function's own file, but not of one that it calls.
+        for name in COMPILED:
+            for path in _cache().glob(f"{name}.*.nb[ic]"):
+                path.unlink(missing_ok=True)
     Touch([_tetrahedron()]).search(np.eye(2, 3), np.array([[0.0, 0, 0, 0, 0, 0, 1]]), 0.1, 0.1)
+    if not compiled:
+        (_cache() / STAMP).write_text(_fingerprint(), encoding="ascii")
 
 
 def is_compiled() -> bool:
     """Is the search ready, in this process or on disk, so that `warm_up` takes less than a second?"""
     dispatcher: Any = find_hits
-    if dispatcher.signatures:
-        return True
-    module, here = str(dispatcher.py_func.__module__).rpartition(".")[2], Path(__file__).parent
-    changed = max((here / f"{name}.py").stat().st_mtime for name in (module, "pairs", "distances", "surface"))
-    indices = Path(dispatcher.stats.cache_path).glob(f"{module}.find_hits-*.nbi")
-    return any(index.stat().st_mtime >= changed for index in indices)
+    stamp = _cache() / STAMP
+    return bool(dispatcher.signatures) or (stamp.is_file() and stamp.read_text(encoding="ascii") == _fingerprint())
+
+
+def _cache() -> Path:
+    dispatcher: Any = find_hits
+    return Path(dispatcher.stats.cache_path)
+
+
+def _fingerprint() -> str:
+    """Hash of all that the search is compiled from."""
+    here = Path(__file__).parent
+    return hashlib.sha256(b"".join((here / f"{name}.py").read_bytes() for name in COMPILED)).hexdigest()
 
 
 def _tetrahedron() -> Surface:
