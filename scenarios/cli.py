@@ -151,6 +151,33 @@ def shape(
 
 
 @app.command
+def calibrate(
+    points: Annotated[Path, Parameter(help="Comma-separated values: a line of names, such as x [mm], y [mm], z [mm], then the points.")],
+    posture: Annotated[Path, Parameter(help="A posture file: the cable with first guesses, and how it was held and loaded.")],
+    /,
+    *,
+    fit: Annotated[
+        tuple[Literal["bending", "twist", "mass_per_length", "micro_length"], ...],
+        Parameter(negative=(), help="Fit this number, and no other; may be given again. Unless given: what the points determine."),
+    ] = (),
+    json_file: Annotated[Path | None, Parameter(name="--json", help="Write intervals, deviations and the fitted shape.")] = None,
+    settings: Settings = None,
+) -> int:
+    """Fit a cable's stiffness to measured points of its shape; say how well each number is determined."""
+    import subprocess
+
+    from protocol.codec import encode
+
+    from .children import command, environment
+    from .posture import load_posture
+
+    request = load_posture(posture, settings or ()).request()
+    words = [str(points), *(["--fit", *fit] if fit else []), *(["--json", str(json_file)] if json_file is not None else [])]
+    done = subprocess.run(command("shape_server.calibration", words), input=encode(request), env=environment(), check=False)
+    return done.returncode if done.returncode >= 0 else 1
+
+
+@app.command
 def hardcases(
     *,
     family: Annotated[str | None, Parameter(help="Run one family only.")] = None,
