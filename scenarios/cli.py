@@ -196,6 +196,43 @@ def hardcases(
     return done.returncode if done.returncode >= 0 else 1
 
 
+@app.command
+def accuracy(
+    problem: Annotated[list[str] | None, Parameter(negative=(), help="One of the standard set, by name; may be given again.")] = None,
+    *,
+    out: Annotated[Path, Parameter(help="Folder for accuracy.json and accuracy.html.")] = Path("runs/accuracy"),
+) -> int:
+    """Show what accuracy costs in time: true errors of every model, mesh, tolerance, budget and effect set against CPU time."""
+    import subprocess
+
+    from .children import command, environment
+
+    out.mkdir(parents=True, exist_ok=True)
+    report = out / "accuracy.json"
+    words = ["study", "--json", str(report), *(word for name in problem or () for word in ("--problem", name))]
+    for program, arguments in (("shape_server.accuracy", words), ("viz_client", ["--accuracy", str(report)])):
+        done = subprocess.run(command(program, arguments), env=environment(), check=False)
+        if done.returncode:
+            break
+    return done.returncode if done.returncode >= 0 else 1
+
+
+@app.command
+def audit(
+    *,
+    cases: Annotated[int, Parameter(help="How many random requests.")] = 1000,
+    json_file: Annotated[Path | None, Parameter(name="--json", help="Write every request with its error and time.")] = None,
+) -> int:
+    """Audit the price tags of random requests: are true errors below the estimates, are tolerances and budgets kept?"""
+    import subprocess
+
+    from .children import command, environment
+
+    words = ["audit", "--cases", str(cases), *(["--json", str(json_file)] if json_file is not None else [])]
+    done = subprocess.run(command("shape_server.accuracy", words), env=environment(), check=False)
+    return done.returncode if done.returncode >= 0 else 1
+
+
 def _plural(word: str, count: int) -> str:
     if count == 1:
         return word

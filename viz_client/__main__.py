@@ -37,16 +37,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--control", metavar="ADDRESS", help="where the environment answers: ipc://PATH or tcp://127.0.0.1:PORT")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder of the run, made if need be; must not hold a recording")
     parser.add_argument("--redraw", metavar="DIR", type=Path, help="instead: make pictures and page of a recorded run anew")
+    parser.add_argument("--accuracy", metavar="FILE", type=Path, help="instead: draw the page of a report of `cablecosim accuracy`")
     parser.add_argument("--no-replay", dest="replay", action="store_false", help="write no replay.html")
     parser.add_argument("--no-pictures", dest="pictures", action="store_false", help="draw no pictures")
     given = parser.parse_args(arguments)
     live = [name for name in ("frames", "control", "out") if getattr(given, name) is not None]
-    if given.redraw is None and len(live) < 3:
+    others = [name for name in ("redraw", "accuracy") if getattr(given, name) is not None]
+    if not others and len(live) < 3:
         missing = [f"--{name}" for name in ("frames", "control", "out") if name not in live]
         parser.error(f"{', '.join(missing)} missing; give --frames, --control and --out, or --redraw alone")
-    if given.redraw is not None and live:
-        parser.error(f"--redraw does not go with --{live[0]}")
+    if len(others + live) > 1 and others:
+        parser.error(f"--{others[0]} does not go with --{(others + live)[1]}")
     try:
+        if given.accuracy is not None:
+            return _draw_accuracy(given.accuracy)
         return _redraw(given) if given.redraw is not None else _watch(given)
     except (CablecosimError, OSError) as error:
         sys.stderr.write(f"viz_client: {error}\n")
@@ -67,6 +71,15 @@ def _redraw(given: argparse.Namespace) -> int:
     from .redraw import redraw
 
     redraw(given.redraw, replay=given.replay, pictures=given.pictures, say=_say)
+    return 0
+
+
+def _draw_accuracy(report: Path) -> int:
+    from .accuracy_page import write
+
+    page = report.with_suffix(".html")
+    write(report, page)
+    _say(f"written to {page}")
     return 0
 
 

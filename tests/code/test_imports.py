@@ -20,6 +20,7 @@ ONLY_IN = {
     "manifold3d": {"env_server/dashboard.py"},
     "viser": {"viz_client/replay.py"},
     "PIL": {"viz_client/picture.py"},
+    "matplotlib": {"viz_client/chart.py"},
 }
 """Files that may import a library: one or two each, so that another could take its place."""
 

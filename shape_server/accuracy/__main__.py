@@ -1,0 +1,98 @@
+"""Study or audit the price of accuracy: `python -m shape_server.accuracy study|audit`, used by `cablecosim accuracy` and `audit`."""
+
+from __future__ import annotations
+
+import os
+
+# As for the shape server: matrices are small, a second BLAS thread costs more than it saves.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from protocol.errors import CablecosimError
+
+from ..paths import is_compiled
+from .audit import audit, summaries
+from .problems import standard
+from .report import audit_json, audit_table, study_json, study_table
+from .study import study
+
+WIDTH = 78
+
+
+def main() -> int:
+    """Run what the command line asks for; 0 if the price tags are true, 1 if not, 2 for a mistake."""
+    arguments = _parser().parse_args()
+    if arguments.json is not None and not arguments.json.absolute().parent.is_dir():
+        sys.stderr.write(f"accuracy: {arguments.json}: there is no such folder; give a file in a folder that exists\n")
+        return 2
+    if not is_compiled():
+        _say("compiling the kernels first, for a minute or two")
+    try:
+        return _audit(arguments) if arguments.task == "audit" else _study(arguments)
+    except CablecosimError as error:
+        sys.stderr.write(f"accuracy: {error}\n")
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write("\naccuracy: interrupted\n")
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m shape_server.accuracy", description=__doc__)
+    parser.add_argument("task", choices=["study", "audit"], help="errors against time, or estimates against errors")
+    parser.add_argument("--problem", action="append", metavar="NAME", help="study: one of the standard set; all unless given")
+    parser.add_argument("--cases", type=int, default=1000, help="audit: how many random requests (default 1000)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="audit: seed of the first (default 0)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write everything")
+    return parser
+
+
+def _study(arguments: argparse.Namespace) -> int:
+    problems = {one.name: one for one in standard()}
+    names = arguments.problem or list(problems)
+    unknown = [name for name in names if name not in problems]
+    if unknown:
+        raise CablecosimError(f"problem {unknown[0]!r} unknown; there are {', '.join(map(repr, problems))}")
+    studies = [study(problems[name], _progress) for name in names]
+    _progress("")
+    sys.stdout.write(study_table(studies) + "\n")
+    _write(arguments.json, study_json(studies))
+    return 0
+
+
+def _audit(arguments: argparse.Namespace) -> int:
+    if arguments.cases < 1:
+        raise CablecosimError(f"cases: {arguments.cases} must be 1 or more")
+    results = []
+    for done, one in enumerate(audit(range(arguments.first, arguments.first + arguments.cases)), 1):
+        results.append(one)
+        _progress(f"{done}/{arguments.cases} requests")
+    _progress("")
+    found = summaries(results)
+    sys.stdout.write(audit_table(found) + "\n")
+    _write(arguments.json, audit_json(results, found))
+    return 0 if found[-1].is_true else 1
+
+
+def _write(file: Path | None, report: object) -> None:
+    if file is not None:
+        file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+
+
+def _progress(text: str) -> None:
+    """A line that overwrites itself in a terminal; nothing elsewhere."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r{text[:WIDTH]:{WIDTH}s}" + ("" if text else "\r"))
+        sys.stderr.flush()
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"accuracy: {text}\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""Which settings no other one beats in both error and time, and what ten times the accuracy costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from .study import AUTOMATIC, PEER, Row, Studied
+
+ROUNDING: Final = 1e-10  # over the length; errors below are rounding
+LEFT_OUT: Final = "effect left out"
+
+
+def frontier(rows: Iterable[Row]) -> list[Row]:
+    """Rows from coarse to fine, each of which is the fastest of all that are as exact."""
+    best: list[Row] = []
+    for row in sorted(rows, key=lambda row: (row.seconds, row.error)):
+        if not best or row.error < best[-1].error:
+            best.append(row)
+    return best
+
+
+def price_of_ten(rows: Sequence[Row]) -> float | None:
+    """Factor on the time for a tenth of the error, along rows of one group; None if they span less than a factor of ten.
+
+    The mean slope in logarithms of the line of least squares.
+    """
+    points = sorted({(math.log10(max(row.error, ROUNDING)), math.log10(row.seconds)) for row in rows})
+    errors, times = [x for x, _ in points], [y for _, y in points]
+    if not points or errors[-1] - errors[0] < 1.0:
+        return None
+    mean_error, mean_time = sum(errors) / len(errors), sum(times) / len(times)
+    square = sum((x - mean_error) ** 2 for x in errors)
+    slope = sum((x - mean_error) * (y - mean_time) for x, y in points) / square
+    return float(10.0**-slope)
+
+
+def sentence(studied: Studied) -> str:
+    """What a plot shows."""
+    automatic = [row for row in studied.rows if row.group == AUTOMATIC]
+    if not automatic:
+        return "No tolerance gave a shape."
+    coarse, fine = max(automatic, key=lambda row: row.error), min(automatic, key=lambda row: row.error)
+    price = price_of_ten(automatic)
+    if price is None:
+        text = f"At {coarse.error:.0e} of the length in {1e3 * fine.seconds:.2g} ms there is no accuracy left to buy."
+    else:
+        text = (
+            f"From {coarse.error:.0e} to {fine.error:.0e} of the length takes {1e3 * coarse.seconds:.2g} to {1e3 * fine.seconds:.2g} ms: "
+            f"ten times the accuracy costs {price:.2f} times the time."
+        )
+    held = sum(row.error <= max(row.estimate, ROUNDING) for row in automatic)
+    text += f" The estimate held in {held} of {len(automatic)} answers asked for by tolerance."
+    peer = [row for row in studied.rows if row.group == PEER]
+    if peer:
+        text += f" {_against(peer, automatic)}"
+    worst = max((row for row in studied.rows if row.group == LEFT_OUT), key=lambda row: row.error, default=None)
+    if worst is not None:
+        text += f" What matters most here: {worst.setting} the shape is {worst.error:.1%} of the length off."
+    return text
+
+
+def _against(peer: Sequence[Row], automatic: Sequence[Row]) -> str:
+    """How many times as long a peer takes, at the errors that it reaches."""
+    ratios = [
+        (row.error, row.seconds / min((own.seconds for own in automatic if own.error <= row.error), default=math.inf)) for row in peer
+    ]
+    known = [(error, ratio) for error, ratio in ratios if ratio > 0.0]
+    if not known:
+        return f"{PEER} is more exact than any answer here."
+    times = ", ".join(f"{ratio:.0f} at {error:.0e}" for error, ratio in known)
+    return f"{PEER}, takes {times} times as long as an answer that is as exact."

@@ -1,0 +1,61 @@
+"""Charts as SVG text, drawn by matplotlib: axes with units, nothing fetched when the page opens."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+SIZE: Final = (7.6, 4.6)  # inches
+COLOURS: Final = ("#0b6e4f", "#d1495b", "#00798c", "#edae49", "#5f4bb6", "#7a7a7a", "#9c6644", "#2f4858")
+MARKS: Final = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points of one kind, with a word beside each."""
+
+    name: str
+    x: Sequence[float]
+    y: Sequence[float]
+    words: Sequence[str] = ()
+
+
+def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float], Sequence[float]]) -> str:
+    """Error over time on logarithmic axes, the frontier as a line, as the text of an SVG element."""
+    figure, axes = _figure()
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.step(*frontier, where="post", color="#bbbbbb", linewidth=4, zorder=1, label="frontier")
+    for number, one in enumerate(series):
+        look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKS[number % len(MARKS)], "markersize": 6}
+        axes.plot(one.x, one.y, linestyle="-" if len(one.x) > 4 else "none", linewidth=1, label=one.name, zorder=2, **look)
+        for x, y, word in zip(one.x, one.y, one.words, strict=False):
+            axes.annotate(word, (x, y), textcoords="offset points", xytext=(5, 4), fontsize=7, color=look["color"])
+    axes.set_xlabel("CPU time of one answer [ms]")
+    axes.set_ylabel("true error of the nodes over the length [-]")
+    axes.grid(which="both", linewidth=0.3, color="#dddddd")
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    return _text(figure)
+
+
+def _figure() -> tuple[Any, Any]:
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=SIZE, layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def _text(figure: Any) -> str:
+    import matplotlib
+
+    text = io.StringIO()
+    # Fixed names and no date, so that the same numbers give the same page.
+    with matplotlib.rc_context({"svg.hashsalt": "cablecosim", "svg.fonttype": "path"}):
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    whole = text.getvalue()
+    return whole[whole.index("<svg") :]
