@@ -117,7 +117,7 @@ def test_only_the_ends_of_a_program_touch_a_channel() -> None:
     ends = {
         "env_server/__main__.py", "env_server/asking.py", "env_server/control.py", "env_server/outlet.py", "env_server/server.py",
         "shape_server/server.py",
-        "viz_client/client.py", "scenarios/launch.py",
+        "viz_client/client.py", "scenarios/launch.py", "scenarios/remote.py",
     }  # fmt: skip
     assert {str(path) for path in files(*PROGRAMS) if any(name.startswith("protocol.channel") for name in imports(path))} <= ends
 
