@@ -18,6 +18,7 @@ from types import FrameType
 from protocol import scene_file
 from protocol.address import private_directory
 from protocol.errors import CablecosimError, SceneError
+from protocol.keys import read as read_keys
 from protocol.scene import Scene
 
 from .server import Run
@@ -29,7 +30,8 @@ def main() -> int:
     try:
         scene = _read_scene(Path(arguments.scene))
         with _addresses(arguments) as addresses:
-            run = Run(scene, shape=arguments.shape, patience=arguments.patience, **addresses)
+            keys = read_keys(arguments.keys) if arguments.keys is not None else None
+            run = Run(scene, shape=arguments.shape, patience=arguments.patience, journal=arguments.journal, keys=keys, **addresses)
             signal.signal(signal.SIGTERM, lambda number, frame: _stop(run, number, frame))
             signal.signal(signal.SIGINT, lambda number, frame: _stop(run, number, frame))
             try:
@@ -63,6 +65,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--control", metavar="ADDRESS", help="answer start, pause, stop, snapshot and statistics here")
     parser.add_argument(
         "--patience", metavar="SECONDS", type=float, default=60.0, help="wait this long for a silent shape server (default 60)"
+    )
+    parser.add_argument(
+        "--journal", metavar="DIR", type=Path, help="keep the run here too; started again with the same folder, it goes on from there"
+    )
+    parser.add_argument(
+        "--keys", metavar="DIR", type=Path, help="encrypt, and let in only those known in this folder; see: cablecosim keys"
     )
     parser.add_argument("--start", action="store_true", help="step as soon as the scene is ready, without waiting to be started")
     return parser

@@ -13,6 +13,7 @@ from typing import Final
 from protocol.channel import Client
 from protocol.codec import decode, encode
 from protocol.errors import CablecosimError, MessageError, PeerLostError, SceneError
+from protocol.keys import Keys
 from protocol.kinds import Outcome
 from protocol.messages import Beat, Error, ShapeReply, ShapeRequest
 
@@ -22,18 +23,29 @@ SILENCE: Final = 2.0  # s without a sign of life before a request is sent again
 class Asker:
     """Sends shape requests, one at a time, and waits for their replies."""
 
-    def __init__(self, address: str, *, patience: float, silence: float = SILENCE) -> None:
+    def __init__(self, address: str, *, patience: float, silence: float = SILENCE, keys: Keys | None = None) -> None:
         self._address = address
+        self._keys = keys
         self._silence, self._patience = silence, patience
-        self._client = Client(address, "env_server")
+        self._client = Client(address, "env_server", keys)
+        self._waiting: float | None = None  # when the server was last heard, while it is waited for
         self._request: ShapeRequest | None = None
         self._data = b""
         self.coding = 0.0  # s spent on messages to bytes and back, so far
         self.resent = 0  # requests sent again, so far
 
+    @property
+    def silent(self) -> float:
+        """Seconds since the server, while it is waited for, gave a sign of life; 0 while it is not. May be asked by any thread."""
+        waiting = self._waiting
+        return 0.0 if waiting is None else time.monotonic() - waiting
+
     def greet(self, timeout: float) -> str:
         """Agree on the version of the protocol; returns the state of the server's kernels."""
-        return self._client.greet(timeout).kernels
+        self._waiting = self._waiting or time.monotonic()
+        kernels = self._client.greet(timeout).kernels
+        self._waiting = None
+        return kernels
 
     def send(self, request: ShapeRequest) -> None:
         """Send a request; `receive` waits for its reply."""
@@ -50,7 +62,7 @@ class Asker:
             SceneError: If the server refused the request.
         """
         assert self._request is not None
-        heard = sent = time.monotonic()
+        heard = sent = self._waiting = time.monotonic()
         while True:
             now = time.monotonic()
             if now - heard > self._patience:
@@ -66,8 +78,9 @@ class Asker:
                 continue
             reply = self._read(data)
             if isinstance(reply, ShapeReply):
+                self._waiting = None
                 return reply
-            heard = time.monotonic() if reply is not None else heard
+            heard = self._waiting = time.monotonic() if reply is not None else heard
 
     def close(self) -> None:
         """Hang up."""
@@ -95,7 +108,7 @@ class Asker:
 
     def _reconnect(self) -> None:
         self._client.close()
-        self._client = Client(self._address, "env_server")
+        self._client = Client(self._address, "env_server", self._keys)
         self._client.send_bytes(self._data)
         self.resent += 1
 

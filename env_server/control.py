@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Final
 
 from protocol import VERSION
 from protocol.channel import Server
 from protocol.codec import encode
+from protocol.keys import Keys
 from protocol.messages import (
     AnyMessage,
     Done,
     Error,
+    FrameRequest,
     Message,
     Pause,
     Resume,
@@ -29,13 +32,33 @@ from protocol.messages import (
 )
 
 POLL: Final = 0.05  # s between looks at whether the program ends
+SIZE_MAX: Final = 2**16  # bytes of a control message; all are tiny
 
 
 class Control:
     """Answers control messages, and tells the run what was asked of it."""
 
-    def __init__(self, address: str, scene_hash: str) -> None:
-        self._server = Server(address, lambda: Welcome(version=VERSION, role="env_server", scene_hash=scene_hash))
+    def __init__(
+        self,
+        address: str,
+        scene_hash: str,
+        *,
+        silent: Callable[[], float] = lambda: 0.0,
+        frame: Callable[[int], bytes | None] | None = None,
+        keys: Keys | None = None,
+    ) -> None:
+        """Begin to listen.
+
+        Args:
+            address: Where.
+            scene_hash: For whoever says hello.
+            silent: Says for how many seconds the shape server has been waited for in vain.
+            frame: Finds the bytes of a frame that was published; None if nothing is kept.
+            keys: To listen with.
+        """
+        welcome = Welcome(version=VERSION, role="env_server", scene_hash=scene_hash)
+        self._server = Server(address, lambda: welcome, size_max=SIZE_MAX, keys=keys)
+        self._silent, self._frame = silent, frame
         self.address = self._server.address
         self._lock = threading.Lock()
         self._statistics = Statistics(step=0, steps=0, state="starting", sentence="starting")
@@ -125,7 +148,10 @@ class Control:
     def _answer(self, message: AnyMessage) -> Message | bytes:
         with self._lock:
             if isinstance(message, StatisticsRequest):
-                return self._statistics
+                now = self._statistics
+                return Statistics(step=now.step, steps=now.steps, state=now.state, sentence=now.sentence, silent=self._silent())
+            if isinstance(message, FrameRequest):
+                return self._frame_again(message.sequence)
             if isinstance(message, SnapshotRequest):
                 return self._snapshot or Error(code="state", sentence="the scene is still being set up; ask again", key="snapshot")
             if isinstance(message, StartRun):
@@ -144,3 +170,8 @@ class Control:
                 return Error(code="message", sentence=f"a {kind} means nothing to the environment", key="type")
         self._wake.set()
         return Done()
+
+    def _frame_again(self, sequence: int) -> Message | bytes:
+        if self._frame is None:
+            return Error(code="state", sentence="no frame is kept here; start the environment with --journal DIR", key="sequence")
+        return self._frame(sequence) or Error(code="state", sentence=f"frame {sequence} is not there yet; ask again", key="sequence")

@@ -7,15 +7,16 @@ import platform
 import time
 import uuid
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Final
 
 import msgspec
 import numpy as np
 
 from protocol import VERSION, scene_file
-from protocol.channel import Publisher
 from protocol.codec import encode
-from protocol.errors import CablecosimError, PeerLostError
+from protocol.errors import CablecosimError, PeerLostError, RecordingError
+from protocol.keys import Keys
 from protocol.kinds import Outcome
 from protocol.messages import Finished, Frame, Shape, Snapshot
 from protocol.scene import Scene
@@ -23,7 +24,10 @@ from protocol.scene import Scene
 from . import touch
 from .asking import Asker
 from .control import Control
+from .journal import Journal
 from .loop import Loop
+from .memory import Checkpoint, resume
+from .outlet import Outlet
 from .stage import Stage
 from .stepped import Stepped, touch_points
 
@@ -36,27 +40,54 @@ LIBRARIES: Final = ("numpy", "scipy", "numba", "pyzmq", "pybullet", "trimesh", "
 class Run:
     """One scene from set-up to the last frame."""
 
-    def __init__(self, scene: Scene, *, shape: str, frames: str, live: str, control: str, patience: float) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        shape: str,
+        frames: str,
+        live: str,
+        control: str,
+        patience: float,
+        journal: Path | None = None,
+        keys: Keys | None = None,
+    ) -> None:
+        """Begin to listen.
+
+        Args:
+            scene: What to run.
+            shape: Where the shape server listens.
+            frames: Where to publish every frame, for recorders.
+            live: Where to publish frames for looking.
+            control: Where to answer.
+            patience: [s] To wait for a silent shape server.
+            journal: Folder to keep the run in, so that it can go on after this program was killed; gone on from if it holds one.
+            keys: For every socket.
+        """
         self._scene = scene
         self._patience = patience
         data = scene_file.write(scene)
-        self._control = Control(control, hashlib.sha256(data).hexdigest()[:16])
         # The session is part of every request; made from the scene, it lets two runs of one scene give the same bytes.
         self._session = uuid.uuid5(uuid.NAMESPACE_OID, data.decode()).hex
-        self._record = Publisher(frames, lossless=True)
-        self._live = Publisher(live, lossless=False)
-        self._asker = Asker(shape, patience=patience)
+        self._outlet = Outlet(frames, live, self._session, journal, keys)
+        self._asker = Asker(shape, patience=patience, keys=keys)
+        frame = self._outlet.journal.message if self._outlet.journal is not None else None
+        scene_hash = hashlib.sha256(data).hexdigest()[:16]
+        self._control = Control(control, scene_hash, silent=lambda: self._asker.silent, frame=frame, keys=keys)
         self._kernels = ""  # of the shape server, when it was greeted
         self._sequence = 0
-        self._publishing = 0.0  # s that the last frame took; on the bill of the next
+        self._publishing = self._framed = 0.0  # s that the last frame took; on the bill of the next
 
     @property
     def addresses(self) -> dict[str, str]:
         """Where it listens, by purpose."""
-        return {"control": self._control.address, "frames": self._record.address, "live": self._live.address}
+        return {"control": self._control.address, **self._outlet.addresses}
 
     def go(self, *, at_once: bool) -> str:
         """Set up, wait to be started (unless `at_once`), and run; returns why it failed; empty if it ended well or was stopped."""
+        journal = self._outlet.journal
+        if journal is not None and journal.ending is not None:
+            return self._tell_ending(journal, *journal.ending)
         stage = self._set_up()
         try:
             if self._control.is_stopped:
@@ -64,21 +95,19 @@ class Run:
             snapshot = self._snapshot(stage)
             self._control.offer(snapshot)
             loop = Loop(stage, self._asker, self._session)
-            self._control.say("predicting the first shape" + (COMPILING if self._kernels == "compiling" else ""))
-            first = loop.first()
-            sentence = self._trouble(first)
-            if sentence:
-                raise CablecosimError(sentence)
-            self._control.report(0, snapshot.steps, "ready", "ready")
+            kept = self._outlet.kept
+            first = self._first(loop) if kept is None else _continued(loop, kept)
+            self._control.report(0 if kept is None else kept.step, snapshot.steps, "ready", "ready")
             recorders = 0 if at_once else self._control.wait_for_start()
             if recorders is None:
                 return ""
-            if not self._record.wait_for(recorders, RECORDERS_LIMIT):
+            if not self._outlet.wait_for(recorders, RECORDERS_LIMIT):
                 raise PeerLostError(
-                    f"{self._record.subscribers} of {recorders} recorders joined within {RECORDERS_LIMIT:g} s; start the visualiser",
+                    f"{self._outlet.recorders} of {recorders} recorders joined within {RECORDERS_LIMIT:g} s; start the visualiser",
                     key="frames",
                 )
-            sentence = self._step(stage, loop, first, snapshot.steps)
+            self._outlet.begin(encode(snapshot))
+            sentence = self._step(stage, loop, first, 0 if kept is None else kept.step + 1, snapshot.steps)
             self._control.wait_for_stop(LINGER)
             return sentence
         finally:
@@ -91,9 +120,23 @@ class Run:
     def close(self) -> None:
         """Give all addresses back."""
         self._asker.close()
-        for publisher in (self._record, self._live):
-            publisher.close()
         self._control.close()
+        self._outlet.close()
+
+    def _tell_ending(self, journal: Journal, failed: bool, sentence: str) -> str:
+        """Go on answering for a run that was over before this program was started."""
+        step = journal.kept.step if journal.kept is not None else 0
+        self._control.report(step, step, "failed" if failed else "finished", sentence)
+        self._control.wait_for_stop(LINGER)
+        return sentence if failed else ""
+
+    def _first(self, loop: Loop) -> Stepped:
+        self._control.say("predicting the first shape" + (COMPILING if self._kernels == "compiling" else ""))
+        first = loop.first()
+        sentence = self._trouble(first)
+        if sentence:
+            raise CablecosimError(sentence)
+        return first
 
     def _set_up(self) -> Stage:
         if not touch.is_compiled():
@@ -129,11 +172,11 @@ class Run:
             versions=versions | {name: _version(name) for name in LIBRARIES},
         )
 
-    def _step(self, stage: Stage, loop: Loop, first: Stepped, steps: int) -> str:
-        """All time steps; returns why they ended early, or an empty sentence."""
+    def _step(self, stage: Stage, loop: Loop, first: Stepped, begin: int, steps: int) -> str:
+        """All time steps from `begin` on; returns why they ended early, or an empty sentence."""
         stepped, shapes = first, tuple(cable.shape for cable in first.cables)
-        sentence, was_stopped = "", False
-        for step in range(steps + 1):
+        sentence, was_stopped, step, self._sequence = "", False, begin, begin
+        for step in range(begin, steps + 1):
             wait = self._control.hold()
             if self._control.is_stopped:
                 sentence, was_stopped = f"stopped before step {step} of {steps}", True
@@ -147,15 +190,23 @@ class Run:
             if sentence:
                 sentence = f"step {step} of {steps}, move '{stage.path.move_at(stepped.posture.time)}': {sentence}"
             shapes = _shown(stepped, shapes)
-            self._publish(stage, stepped, shapes, step, wait)
+            frame = encode(self._frame(stage, stepped, shapes, step, wait))
+            try:
+                self._outlet.step(frame, loop, step) if not sentence else self._outlet.last(frame)
+            except RecordingError as error:
+                sentence = f"step {step} of {steps}: {error}"
+                break
+            self._sequence += 1
+            self._publishing = time.perf_counter() - self._framed
             self._control.report(step, steps, "running", "running")
             if sentence:
                 break
         self._control.report(step, steps, "failed" if sentence else "finished", sentence or "finished")
-        self._send(encode(Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")))
+        finished = Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")
+        self._outlet.last(encode(finished))
         return "" if was_stopped else sentence
 
-    def _publish(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float) -> None:
+    def _frame(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float) -> Frame:
         begun = time.perf_counter()
         posture, scene = stepped.posture, self._scene
         key = stage.path.keys.index(step) if step in stage.path.keys else None
@@ -168,7 +219,7 @@ class Run:
                 if gripper.arm is not None:
                     wrenches[gripper.arm] = -shape.grasp_wrenches[row]
         torque_ratio = stage.torque_ratio(wrenches, posture)
-        worked = time.perf_counter()
+        worked = self._framed = time.perf_counter()
         bill = msgspec.structs.replace(
             stepped.bill,
             robot=stepped.bill.robot + worked - begun,
@@ -176,7 +227,7 @@ class Run:
             wait=wait,
             total=stepped.bill.total + worked - begun + self._publishing,
         )
-        frame = Frame(
+        return Frame(
             session=self._session,
             sequence=self._sequence,
             time=posture.time,
@@ -194,13 +245,6 @@ class Run:
             torque_ratio=torque_ratio,
             bill=bill,
         )
-        self._send(encode(frame))
-        self._sequence += 1
-        self._publishing = time.perf_counter() - worked
-
-    def _send(self, data: bytes) -> None:
-        self._record.publish(data)
-        self._live.publish(data)
 
     def _trouble(self, stepped: Stepped) -> str:
         """Why a step is no good; an empty sentence if it is."""
@@ -208,6 +252,11 @@ class Run:
             if hanging.shape.outcome is not Outcome.CONVERGED:
                 return f"cable '{cable.name}' is {hanging.shape.outcome.value}: {hanging.shape.sentence}"
         return ""
+
+
+def _continued(loop: Loop, kept: Checkpoint) -> Stepped:
+    resume(loop, kept)
+    return kept.now
 
 
 def _shown(stepped: Stepped, last: tuple[Shape, ...]) -> tuple[Shape, ...]:

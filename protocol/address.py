@@ -1,4 +1,4 @@
-"""Addresses that programs listen at: `ipc://PATH` or `tcp://127.0.0.1:PORT`, nothing that others could reach."""
+"""Addresses that programs listen at: `ipc://PATH` or `tcp://127.0.0.1:PORT`; with keys, others of tcp too."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def private_directory() -> Path:
     return Path(tempfile.mkdtemp(prefix="cablecosim-"))
 
 
-def check_address(address: str) -> None:
-    """Refuse an address that is malformed or that others could reach.
+def check_address(address: str, *, encrypted: bool = False) -> None:
+    """Refuse an address that is malformed, or that others could reach without keys.
 
     Raises:
         AddressError: Names the address and what would be right.
@@ -28,11 +28,13 @@ def check_address(address: str) -> None:
             raise AddressError(f"address '{address}': an ipc path may have at most 100 bytes; use a shorter one", key=address)
         return
     host, port = _host_and_port(address) if scheme == "tcp" else (None, None)
-    if host in LOOPBACK and port is not None:
+    if (host in LOOPBACK or (encrypted and host is not None)) and port is not None:
         return
-    if host not in (None, *LOOPBACK):
+    if host not in (None, *LOOPBACK) and not encrypted:
         raise AddressError(
-            f"address '{address}': {host} can be reached by others, and encryption is not built; use tcp://127.0.0.1:PORT", key=address
+            f"address '{address}': {host} can be reached by others; give keys with --keys DIR (see cablecosim keys), or use "
+            "tcp://127.0.0.1:PORT",
+            key=address,
         )
     raise AddressError(f"address '{address}': must be ipc://PATH or tcp://127.0.0.1:PORT", key=address)
 

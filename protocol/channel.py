@@ -3,14 +3,12 @@
 Requests go from a `Client` (DEALER) to a `Server` (ROUTER), streams from a `Publisher` (XPUB) to a `Subscriber` (SUB).
 There is no REQ/REP, which hangs for ever when its peer dies. Every wait takes a time-out. A message that does not decode
 is answered with an `Error` and changes nothing. Addresses are `ipc://PATH` or `tcp://127.0.0.1:PORT` (port 0 or `*`
-takes a free one); tcp beyond loopback would need encryption, which is not built, and is refused.
+takes a free one); tcp beyond loopback needs keys (`keys.py`), and is refused without them.
 """
 
 from __future__ import annotations
 
-import fcntl
 import math
-import os
 import time
 from collections.abc import Callable
 from typing import Final
@@ -18,39 +16,17 @@ from typing import Final
 import zmq
 
 from . import PROJECT, VERSION
-from .address import check_address
 from .codec import decode, encode
-from .errors import AddressError, CablecosimError, MessageError, PeerLostError, VersionError
+from .errors import CablecosimError, MessageError, PeerLostError, VersionError
+from .keys import Keys
 from .messages import AnyMessage, Error, Hello, Message, Welcome
+from .sockets import HEARTBEAT as HEARTBEAT
+from .sockets import SEND_LIMIT, Bound, connected
 
 SIZE_MAX: Final = 32 * 2**20  # bytes of a request or reply; 20 000 nodes take 4.2 MB
 SNAPSHOT_SIZE_MAX: Final = 256 * 2**20  # bytes of a message from the environment, which may hold meshes
-HEARTBEAT: Final = 500  # ms between ZMTP heartbeats; a frozen or vanished peer is dropped after three
-SEND_LIMIT: Final = 5000  # ms to wait for room in a queue that is full
-HANDSHAKE: Final = 2000  # ms for a new connection to speak ZMTP
-
-
-class _Bound:
-    """A socket bound to its address, with a lock file beside an ipc path: a second bind would steal it silently."""
-
-    def __init__(self, kind: int, address: str, *, queue: int) -> None:
-        check_address(address)
-        self._lock: int | None = None
-        if address.startswith("ipc://"):
-            self._lock = _take_lock(address)
-        self.socket = _socket(kind, SIZE_MAX, queue)
-        try:
-            self.socket.bind(address.replace("://localhost", "://127.0.0.1").replace(":*", ":0"))
-        except zmq.ZMQError as error:
-            self.close()
-            raise AddressError(f"address '{address}': cannot be bound ({error.strerror}); give a free one", key=address) from error
-        self.address: str = self.socket.getsockopt_string(zmq.LAST_ENDPOINT)
-
-    def close(self) -> None:
-        """Give the address back."""
-        self.socket.close(linger=1000)
-        if self._lock is not None:
-            os.close(self._lock)
+QUEUE: Final = 20  # messages from or to one peer of a server; who asks waits for the answer, so that more is abuse
+SUBSCRIPTION_MAX: Final = 64  # bytes of what a subscriber may say
 
 
 class Server:
@@ -59,8 +35,8 @@ class Server:
     A `Hello` is answered here, with the `Welcome` given, or with an `Error` if its version or project differs.
     """
 
-    def __init__(self, address: str, welcome: Callable[[], Welcome]) -> None:
-        self._bound = _Bound(zmq.ROUTER, address, queue=1000)
+    def __init__(self, address: str, welcome: Callable[[], Welcome], *, size_max: int = SIZE_MAX, keys: Keys | None = None) -> None:
+        self._bound = Bound(zmq.ROUTER, address, size_max=size_max, send_queue=QUEUE, receive_queue=QUEUE, keys=keys)
         self._bound.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
         self._welcome = welcome
         self.address = self._bound.address
@@ -116,12 +92,11 @@ class Server:
 class Client:
     """Asks one server."""
 
-    def __init__(self, address: str, role: str) -> None:
-        check_address(address)
+    def __init__(self, address: str, role: str, keys: Keys | None = None) -> None:
         self.address = address
         self.role = role
-        self._socket = _socket(zmq.DEALER, SNAPSHOT_SIZE_MAX, 1000)
-        self._socket.connect(address)
+        self._socket = connected(zmq.DEALER, address, size_max=SNAPSHOT_SIZE_MAX, queue=1000, keys=keys, options={})
+        self._advice = "is the program started?" if keys is None else "is the program started, and are our keys known there?"
 
     def send(self, message: Message) -> None:
         """Send a message; it waits here until the server is there."""
@@ -170,7 +145,7 @@ class Client:
                 return answer
             if isinstance(answer, Error):
                 raise VersionError(answer.sentence, key=answer.key)
-        raise PeerLostError(f"nobody answered at {self.address} within {timeout:g} s; is the program started?", key=self.address)
+        raise PeerLostError(f"nobody answered at {self.address} within {timeout:g} s; {self._advice}", key=self.address)
 
     def ask(self, message: Message, timeout: float) -> AnyMessage:
         """Send a message and wait for its answer, which may be an `Error`.
@@ -202,8 +177,9 @@ class Publisher:
     With `lossless`, what a subscriber has not read yet is kept for it without limit; otherwise only the newest two are.
     """
 
-    def __init__(self, address: str, *, lossless: bool) -> None:
-        self._bound = _Bound(zmq.XPUB, address, queue=0 if lossless else 2)
+    def __init__(self, address: str, *, lossless: bool, keys: Keys | None = None) -> None:
+        queue = 0 if lossless else 2
+        self._bound = Bound(zmq.XPUB, address, size_max=SUBSCRIPTION_MAX, send_queue=queue, receive_queue=QUEUE, keys=keys)
         # Every subscriber is to be counted, though all ask for the same.
         self._bound.socket.setsockopt(zmq.XPUB_VERBOSER, 1)
         self.address = self._bound.address
@@ -220,7 +196,7 @@ class Publisher:
             left = end - time.monotonic()
             if left <= 0 or not self._bound.socket.poll(int(1000 * left), zmq.POLLIN):
                 return False
-            self.subscribers += 1 if self._bound.socket.recv()[:1] == b"\x01" else -1
+            self.subscribers += {b"\x01": 1, b"\x00": -1}.get(self._bound.socket.recv(), 0)  # anything else is no subscription to all
         return True
 
     def close(self) -> None:
@@ -231,15 +207,10 @@ class Publisher:
 class Subscriber:
     """Follows a stream: every message in order, or with `latest_only` just the newest one."""
 
-    def __init__(self, address: str, *, latest_only: bool = False) -> None:
-        check_address(address)
+    def __init__(self, address: str, *, latest_only: bool = False, keys: Keys | None = None) -> None:
         self.address = address
-        self._socket = _socket(zmq.SUB, SNAPSHOT_SIZE_MAX, 0)
-        if latest_only:
-            self._socket.setsockopt(zmq.CONFLATE, 1)
-        self._socket.setsockopt(zmq.RECONNECT_IVL, 5)
-        self._socket.setsockopt(zmq.SUBSCRIBE, b"")
-        self._socket.connect(address)
+        options: dict[int, int | bytes] = {zmq.CONFLATE: int(latest_only), zmq.RECONNECT_IVL: 5, zmq.SUBSCRIBE: b""}
+        self._socket = connected(zmq.SUB, address, size_max=SNAPSHOT_SIZE_MAX, queue=0, keys=keys, options=options)
 
     def receive(self, timeout: float) -> bytes | None:
         """Next message undecoded; None after `timeout` seconds without one."""
@@ -250,35 +221,3 @@ class Subscriber:
     def close(self) -> None:
         """Leave the stream."""
         self._socket.close(linger=0)
-
-
-def _socket(kind: int, size_max: int, queue: int) -> zmq.Socket[bytes]:
-    socket: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
-    socket.setsockopt(zmq.MAXMSGSIZE, size_max)
-    socket.setsockopt(zmq.SNDHWM, queue)
-    socket.setsockopt(zmq.SNDTIMEO, SEND_LIMIT)
-    socket.setsockopt(zmq.RCVHWM, queue)
-    if kind in (zmq.ROUTER, zmq.DEALER):
-        # Not for streams: a recorder that is held up for a while must not lose what is kept for it.
-        socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT)
-        socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 3 * HEARTBEAT)
-    socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE)
-    return socket
-
-
-def _take_lock(address: str) -> int:
-    path = address.removeprefix("ipc://") + ".lock"
-    try:
-        lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError as error:
-        raise AddressError(
-            f"address '{address}': {path} cannot be made ({error.strerror}); give a path in your own folder", key=address
-        ) from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(lock)
-        raise AddressError(
-            f"address '{address}': another program answers there; give another address, or end that program", key=address
-        ) from error
-    return lock

@@ -140,6 +140,17 @@ class StatisticsRequest(Message, frozen=True):
     """Control to environment: how far is the run?"""
 
 
+class FrameRequest(Message, frozen=True):
+    """Control to environment: send a frame again, out of its journal; `Finished` where the run ended before it."""
+
+    sequence: int
+
+    def __post_init__(self) -> None:
+        """Check the range."""
+        if not 0 <= self.sequence < 2**40:
+            raise MessageError(f"sequence: {self.sequence} must be 0 or more, and below 2^40", key="sequence")
+
+
 class Statistics(Message, frozen=True):
     """How far the run is."""
 
@@ -147,6 +158,7 @@ class Statistics(Message, frozen=True):
     steps: int
     state: str  # "starting", "ready", "running", "paused", "finished" or "failed"
     sentence: str  # what it is doing
+    silent: float = 0.0  # s since the shape server, while it is waited for, last gave a sign of life
 
 
 class Solid(Part, frozen=True):
@@ -261,6 +273,7 @@ AnyMessage = (
     | Done
     | SnapshotRequest
     | StatisticsRequest
+    | FrameRequest
     | Statistics
     | Snapshot
     | Frame

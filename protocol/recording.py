@@ -29,22 +29,25 @@ _READ_SIZE: Final = 2**20  # bytes
 
 
 class Writer:
-    """Appends whole messages to a new recording.
+    """Appends whole messages to a new recording, or to one that was broken off.
 
     One `os.write` a message and no buffer in this process: when it is killed, every message written so far is in the
     file. The disk is waited for (`fsync`) only in `close`, so a loss of power can cost the last seconds of a run.
 
     Args:
         path: File to make; its folder must exist.
+        keep: [bytes] Go on with an existing file after so many bytes, and cut off what follows; see `Recording.size`.
 
     Raises:
         RecordingError: If the file exists, for a recording is never overwritten, or cannot be made.
     """
 
-    def __init__(self, path: Path) -> None:
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
+    def __init__(self, path: Path, *, keep: int | None = None) -> None:
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC
         try:
-            self._file = os.open(path, flags, 0o644)
+            self._file = os.open(path, flags | (os.O_CREAT | os.O_EXCL if keep is None else 0), 0o644)
+            if keep is not None:
+                os.ftruncate(self._file, keep)
         except FileExistsError as error:
             raise RecordingError(f"recording {path} exists and is never overwritten; choose another folder", key=str(path)) from error
         except OSError as error:
@@ -110,12 +113,19 @@ class Recording:
         frames: Every whole frame, in the order written.
         finished: How the run ended; None if its end is not in the file.
         ending: Sentence that says where and why reading stopped before the end; empty if it did not.
+        ends: [bytes] Where every message that can be used ends, from the snapshot on.
     """
 
     snapshot: Snapshot
     frames: Frames
     finished: Finished | None
     ending: str
+    ends: list[int]
+
+    @property
+    def size(self) -> int:
+        """Bytes up to the end of the last message that can be used."""
+        return self.ends[-1]
 
     @property
     def complete(self) -> bool:
@@ -142,17 +152,19 @@ def read(path: Path) -> Recording:
         reason = snapshot if isinstance(snapshot, str) else f"it begins with a {type(snapshot).__name__}"
         raise RecordingError(f"recording {path} does not begin with a snapshot: {reason}", key=str(path))
     bounds: list[tuple[int, int]] = []
+    ends = [whole[0][1]]
     for bound in whole[1:]:
         message = _decode_at(data, bound)
         if isinstance(message, Finished):
-            return Recording(snapshot, Frames(data, bounds), message, ending="")
+            return Recording(snapshot, Frames(data, bounds), message, ending="", ends=[*ends, bound[1]])
         if not isinstance(message, Frame):
             reason = message if isinstance(message, str) else f"a {type(message).__name__} does not belong there"
-            return Recording(snapshot, Frames(data, bounds), None, ending=f"message {len(bounds) + 1} cannot be used: {reason}")
+            return Recording(snapshot, Frames(data, bounds), None, f"message {len(bounds) + 1} cannot be used: {reason}", ends)
         bounds.append(bound)
+        ends.append(bound[1])
     cut = len(data) - whole[-1][1]
     ending = f"{cut} bytes of an unfinished message follow" if cut else "the run was not finished"
-    return Recording(snapshot, Frames(data, bounds), None, ending=f"after {len(bounds)} frames, {ending}")
+    return Recording(snapshot, Frames(data, bounds), None, f"after {len(bounds)} frames, {ending}", ends)
 
 
 def _whole_messages(data: mmap.mmap) -> list[tuple[int, int]]:

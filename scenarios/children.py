@@ -26,7 +26,8 @@ class Child:
     def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
         self.name = name
         self.log = log
-        with log.open("wb") as output:
+        self._begin = log.stat().st_size if log.exists() else 0  # an earlier one may have written before
+        with log.open("ab") as output:
             # A session of its own, so that Ctrl-C reaches the launcher alone, which then ends all in good order.
             self._process = subprocess.Popen(
                 command(name, arguments),
@@ -70,10 +71,10 @@ class Child:
     def last_words(self, count: int = 8) -> str:
         """The last lines that the child printed."""
         try:
-            lines = self.log.read_text(encoding="utf-8", errors="replace").rstrip().splitlines()
+            words = self.log.read_bytes()[self._begin :].decode(errors="replace")
         except OSError:
             return ""
-        return "\n".join(lines[-count:])
+        return "\n".join(words.rstrip().splitlines()[-count:])
 
     def wait(self, timeout: float) -> bool:
         """Whether the child has ended within `timeout` seconds."""

@@ -1,7 +1,8 @@
 """Runs a scene: starts the three programs, waits until they are ready, follows the run, and ends them in good order.
 
 Addresses are ipc sockets in a directory of the run's own, made for this user only. The run folder is made when the
-environment is ready and not before, so a scene that cannot be simulated leaves nothing behind.
+environment is ready and not before, so a scene that cannot be simulated leaves nothing behind. A program that is killed, or
+falls silent, is started again (`keeper.py`), and the run goes on where it was.
 """
 
 from __future__ import annotations
@@ -20,18 +21,19 @@ from protocol.address import private_directory
 from protocol.channel import Client, Subscriber
 from protocol.codec import decode
 from protocol.errors import CablecosimError, PeerLostError, RecordingError, SceneError
-from protocol.messages import AnyMessage, Done, Error, Frame, Message, StartRun, Statistics, StatisticsRequest, Stop
+from protocol.keys import read as read_keys
+from protocol.messages import Frame, Stop
 from protocol.scene import Scene
 
 from . import summary
 from .children import Child, end_all
+from .keeper import SILENCE, Keeper
 from .progress import Display
+from .remote import POLL, START_LIMIT, Remote
+from .watch import Watch
 
-START_LIMIT: Final = 300.0  # s until the environment is ready, with every kernel compiled for the first time
-ANSWER_LIMIT: Final = 60.0  # s for an answer of the environment, which may be in the middle of a hard step
-STOP_LIMIT: Final = 10.0  # s for the environment to end a run that is stopped
 DRAW_LIMIT: Final = 600.0  # s for pictures and the replay page after the last step
-POLL: Final = 0.1  # s between looks at the run
+JOURNAL: Final = "journal"  # folder of the environment's own record, while it runs
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,17 @@ class Ended:
     interrupted: bool
 
 
-def launch(scene: Scene, name: str, show: Display, *, out: Path | None = None, kernels: str = "auto", replay: bool = True) -> Ended:
+def launch(
+    scene: Scene,
+    name: str,
+    show: Display,
+    *,
+    out: Path | None = None,
+    kernels: str = "auto",
+    replay: bool = True,
+    silence: float = SILENCE,
+    keys: Path | None = None,
+) -> Ended:
     """Run a scene to its end, or until it is interrupted.
 
     Args:
@@ -53,6 +65,8 @@ def launch(scene: Scene, name: str, show: Display, *, out: Path | None = None, k
         out: The run folder; without it, `runs/<name>-<time>/` is made.
         kernels: "auto", "compiled" or "numpy", for the shape server.
         replay: Whether to write `replay.html`.
+        silence: [s] Without a sign of life after which a program is ended and started again.
+        keys: Folder of keys to encrypt with; see `protocol.keys`.
 
     Raises:
         SceneError: If the environment refuses the scene; nothing is left behind.
@@ -61,7 +75,7 @@ def launch(scene: Scene, name: str, show: Display, *, out: Path | None = None, k
     """
     begun = time.monotonic()
     _check_free(out)
-    run = _Run(private_directory(), show)
+    run = _Run(private_directory(), show, silence, keys)
     interrupted, failure = False, None
     try:
         run.start(scene, kernels)
@@ -93,35 +107,39 @@ def _summarise(folder: Path, failure: CablecosimError | None, wall: float) -> su
 
 
 class _Run:
-    """Three children, the sockets to them, and the folder that their files go to."""
+    """Three programs, the way to the environment, and the folder that their files go to."""
 
-    def __init__(self, box: Path, show: Display) -> None:
+    def __init__(self, box: Path, show: Display, silence: float, keys: Path | None) -> None:
         self._box = box
         self._show = show
         self._folder: Path | None = None
-        self._children: list[Child] = []
         self._shape, self._frames, self._live, self._control = (f"ipc://{box}/{name}" for name in ("shape", "frames", "live", "control"))
-        self._client = Client(self._control, "launcher")
-        self._view = Subscriber(self._live, latest_only=True)
+        self._options = ("--keys", str(keys)) if keys is not None else ()
+        self._keys = read_keys(keys) if keys is not None else None
+        self._keeper = Keeper(box, show.say, silence)
+        self._watch = Watch(self._keeper)
+        self._remote = Remote(self._control, self._keeper, self._keys)
+        self._view = Subscriber(self._live, latest_only=True, keys=self._keys)
 
     def start(self, scene: Scene, kernels: str) -> None:
         """Start the shape server and the environment."""
         file = self._box / "scene.json"
         file.write_bytes(scene_file.write(scene))
-        self._add("shape_server", ("--bind", self._shape, "--kernels", kernels))
+        self._keeper.start("shape_server", ("--bind", self._shape, "--kernels", kernels, *self._options))
         addresses = ("--shape", self._shape, "--frames", self._frames, "--live", self._live, "--control", self._control)
-        self._add("env_server", ("--scene", str(file), *addresses))
+        self._keeper.start("env_server", ("--scene", str(file), *addresses, "--journal", str(self._box / JOURNAL), *self._options))
 
     def wait_until_ready(self) -> None:
         """Wait until the environment says that it could begin."""
         end = time.monotonic() + START_LIMIT
         self._show.say("starting the shape server and the environment")
-        self._greet(end)
-        while (state := self._statistics()).state != "ready":
+        self._remote.greet(end)
+        while (state := self._remote.statistics()).state != "ready":
             if state.state == "failed":
                 raise SceneError(state.sentence)
             if time.monotonic() > end:
                 raise PeerLostError(f"env_server was not ready within {START_LIMIT:g} s; it says: {state.sentence}", key="env_server")
+            self._watch.look(state)
             self._show.say(state.sentence)
             time.sleep(POLL)
 
@@ -133,8 +151,11 @@ class _Run:
             made = folder.with_name(f"{folder.name}-{number}")
         try:
             (made / "logs").mkdir(parents=True, exist_ok=True)
+            (made / JOURNAL).mkdir()
         except OSError as error:
             raise CablecosimError(f"{made}: cannot be made ({error.strerror}); give another folder with --out", key=str(made)) from error
+        # It grows like the recording, so it is kept where there is room for that; the environment was told before this folder had a name.
+        (self._box / JOURNAL).symlink_to(made.resolve() / JOURNAL)
         self._folder = made
         self._show.say(f"recording to {made}")
         return made
@@ -142,19 +163,23 @@ class _Run:
     def follow(self, *, replay: bool) -> None:
         """Start the recorder and the run, and wait for the end of both."""
         assert self._folder is not None
-        options = () if replay else ("--no-replay",)
-        viewer = self._add("viz_client", ("--frames", self._frames, "--control", self._control, "--out", str(self._folder), *options))
-        self._command(StartRun(recorders=1))
+        options = (*self._options, *(() if replay else ("--no-replay",)), "--patience", f"{START_LIMIT:g}")
+        arguments = ("--frames", self._frames, "--control", self._control, "--out", str(self._folder), *options)
+        self._keeper.start("viz_client", arguments, again=(*arguments, "--resume"))
+        self._watch.follow(self._folder)
         contacts = 0
         while True:
-            over = viewer.code is not None  # looked at before the environment is asked, so that a quick end is no early one
-            state = self._state()
+            over = self._keeper.child("viz_client").code == 0  # looked at before the environment, so that a quick end is no early one
+            state = self._remote.state()
             contacts = self._contacts(contacts)
             if state is None or state.state in ("finished", "failed"):
                 break
-            if over:
-                raise PeerLostError(viewer.obituary(), key=viewer.name)
-            if state.state == "running":
+            self._watch.look(state)
+            if state.state == "ready":
+                self._remote.start()
+            elif over:
+                raise PeerLostError(self._keeper.child("viz_client").obituary(), key="viz_client")
+            elif state.state == "running":
                 self._show.step(state.step, state.steps, contacts)
             elif state.state == "paused":
                 self._show.say(state.sentence)
@@ -162,88 +187,44 @@ class _Run:
         if state is not None:
             self._show.step(state.step, state.steps, contacts)
         self._show.say("drawing pictures and the replay page" if replay else "drawing pictures")
-        self._await(viewer, DRAW_LIMIT)
+        self._await_recorder()
 
     def stop(self) -> None:
         """End the run early: what is recorded stays."""
         self._show.say("stopping; press Ctrl-C again to stop at once")
-        self._command(Stop(), limit=STOP_LIMIT)
-        for child in self._children[2:]:
-            self._await(child, DRAW_LIMIT)
+        self._keeper.let_end()
+        self._remote.stop()
+        self._await_recorder()
 
     def close(self) -> None:
         """End the programs, keep their logs, and tidy up; whatever happened before."""
+        self._keeper.let_end()
+        children = self._keeper.children
         try:
-            self._say_stop()
+            self._say_stop(children)
         finally:
-            end_all(self._children)
-            for socket in (self._client, self._view):
-                socket.close()
+            end_all(children)
+            self._remote.close()
+            self._view.close()
             if self._folder is not None:
-                for child in self._children:
+                for child in children:
                     shutil.move(child.log, self._folder / "logs" / child.log.name)
+                shutil.rmtree(self._folder / JOURNAL, ignore_errors=True)
             shutil.rmtree(self._box, ignore_errors=True)
             self._show.close()
 
-    def _add(self, name: str, arguments: Sequence[str]) -> Child:
-        child = Child(name, arguments, self._box / f"{name}.log")
-        self._children.append(child)
-        return child
-
-    def _greet(self, end: float) -> None:
-        while True:
-            try:
-                self._client.greet(1.0)
-            except PeerLostError:
-                self._check()
-                if time.monotonic() > end:
-                    raise
-            else:
-                return
-
-    def _statistics(self) -> Statistics:
-        while not isinstance(answer := self._ask(StatisticsRequest(), ANSWER_LIMIT), Statistics):
-            if isinstance(answer, Error):
-                raise SceneError(answer.sentence, key=answer.key)
-        return answer
-
-    def _state(self) -> Statistics | None:
-        """How far the run is; None if the environment has ended well by itself."""
-        try:
-            return self._statistics()
-        except PeerLostError:
-            if self._children[1].code == 0:
-                return None
-            raise
-
-    def _command(self, message: Message, limit: float = ANSWER_LIMIT) -> None:
-        answer = self._ask(message, limit)
-        if isinstance(answer, Error):
-            raise SceneError(answer.sentence, key=answer.key)
-
-    def _ask(self, message: Message, limit: float) -> AnyMessage:
-        """Ask the environment, and look after the children while it thinks."""
-        self._client.send(message)
-        wanted = (Statistics, Error) if isinstance(message, StatisticsRequest) else (Done, Error)
-        end = time.monotonic() + limit
-        while time.monotonic() < end:
-            self._check()
-            answer = self._client.receive(POLL)
-            if isinstance(answer, wanted):
-                return answer
-        raise PeerLostError(f"env_server gave no answer to a {type(message).__name__} within {limit:g} s", key="env_server")
-
-    def _check(self) -> None:
-        """Raise if a child has died; one that ended well before its time has died too."""
-        for child in self._children:
-            child.check()
-        if self._children[1].code is not None:
-            raise PeerLostError(self._children[1].obituary(), key="env_server")
-
-    def _await(self, child: Child, limit: float) -> None:
-        if not child.wait(limit):
-            raise PeerLostError(f"{child.name} did not end within {limit:g} s; see logs/{child.log.name} in {self._folder}", key=child.name)
-        child.check()
+    def _await_recorder(self) -> None:
+        """Wait until the recorder has drawn everything; the environment goes on answering meanwhile, and is started again if need be."""
+        if "viz_client" not in {child.name for child in self._keeper.children}:
+            return
+        end = time.monotonic() + DRAW_LIMIT
+        while self._keeper.child("viz_client").code != 0:
+            if time.monotonic() > end:
+                sentence = f"viz_client did not end within {DRAW_LIMIT:g} s; see logs/viz_client.log in {self._folder}"
+                raise PeerLostError(sentence, key="viz_client")
+            self._keeper.mend()
+            self._watch.look(None)
+            time.sleep(POLL)
 
     def _contacts(self, before: int) -> int:
         """Contacts in the newest frame; as before if there is none."""
@@ -251,15 +232,15 @@ class _Run:
         frame = decode(data) if data is not None else None
         return len(frame.touching.s) if isinstance(frame, Frame) else before
 
-    def _say_stop(self) -> None:
+    def _say_stop(self, children: Sequence[Child]) -> None:
         """Ask environment and shape server to end, and give them a moment."""
-        if not self._children:
+        if not children:
             return
-        farewell = Client(self._shape, "launcher")
-        self._client.send(Stop())
+        farewell = Client(self._shape, "launcher", self._keys)
+        self._remote.say_stop()
         farewell.send(Stop())
         end = time.monotonic() + 2.0
-        for child in self._children[:2]:
+        for child in children[:2]:
             child.wait(max(0.0, end - time.monotonic()))
         farewell.close()
 

@@ -10,10 +10,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import signal
 import sys
+from pathlib import Path
 from types import FrameType
 
 from protocol.codec import decode, encode
 from protocol.errors import CablecosimError
+from protocol.keys import read as read_keys
 from protocol.messages import ShapeReply, ShapeRequest
 
 from .paths import CHOICES, Paths, warm_up
@@ -32,7 +34,8 @@ def main() -> int:
         elif arguments.posture:
             _solve_posture(arguments.kernels)
         else:
-            server = ShapeServer(arguments.bind, arguments.kernels)
+            keys = read_keys(arguments.keys) if arguments.keys is not None else None
+            server = ShapeServer(arguments.bind, arguments.kernels, keys)
             sys.stdout.write(f"shape server listening at {server.address}\n")
             sys.stdout.flush()
             server.run()
@@ -58,6 +61,9 @@ def _parser() -> argparse.ArgumentParser:
         choices=CHOICES,
         default="auto",
         help="auto: numpy until the kernels are compiled (default); compiled: wait for them; numpy: never compile",
+    )
+    parser.add_argument(
+        "--keys", metavar="DIR", type=Path, help="encrypt, and let in only those known in this folder; see: cablecosim keys"
     )
     return parser
 

@@ -9,6 +9,7 @@ from protocol import VERSION
 from protocol.channel import Server
 from protocol.codec import encode
 from protocol.errors import CablecosimError
+from protocol.keys import Keys
 from protocol.messages import AnyMessage, Beat, Done, Error, ShapeReply, ShapeRequest, Stop, Welcome
 
 from .paths import Paths
@@ -20,8 +21,8 @@ BEAT_PERIOD: Final = 0.1  # s between proofs of life during a long solve
 class ShapeServer:
     """Answers shape requests at an address until it is told to stop."""
 
-    def __init__(self, address: str, kernels: str) -> None:
-        self._channel = Server(address, self._welcome)
+    def __init__(self, address: str, kernels: str, keys: Keys | None = None) -> None:
+        self._channel = Server(address, self._welcome, keys=keys)
         self._paths = Paths(kernels)
         self._cached: tuple[tuple[bytes, str, int, int], ShapeRequest, bytes] | None = None
         self._beaten = 0.0

@@ -11,6 +11,7 @@ from threading import Event
 from typing import NoReturn
 
 from protocol.errors import CablecosimError, PeerLostError
+from protocol.keys import read
 
 DESCRIPTION = """Record a run of the environment, draw pictures of its key postures, and write a page that replays it.
 
@@ -38,6 +39,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder of the run, made if need be; must not hold a recording")
     parser.add_argument("--redraw", metavar="DIR", type=Path, help="instead: make pictures and page of a recorded run anew")
     parser.add_argument("--accuracy", metavar="FILE", type=Path, help="instead: draw the page of a report of `cablecosim accuracy`")
+    parser.add_argument("--resume", action="store_true", help="go on with the recording that DIR may hold, of this run")
+    parser.add_argument(
+        "--patience",
+        metavar="SECONDS",
+        type=float,
+        default=0.0,
+        help="wait so long for an environment that is gone to come back (default 0)",
+    )
+    parser.add_argument("--keys", metavar="DIR", type=Path, help="talk to an environment that is encrypted; see: cablecosim keys")
     parser.add_argument("--no-replay", dest="replay", action="store_false", help="write no replay.html")
     parser.add_argument("--no-pictures", dest="pictures", action="store_false", help="draw no pictures")
     given = parser.parse_args(arguments)
@@ -63,7 +73,18 @@ def _watch(given: argparse.Namespace) -> int:
     stop = Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    watched = watch(given.frames, given.control, given.out, replay=given.replay, pictures=given.pictures, say=_say, stop=stop)
+    watched = watch(
+        given.frames,
+        given.control,
+        given.out,
+        replay=given.replay,
+        pictures=given.pictures,
+        resume=given.resume,
+        patience=given.patience,
+        keys=read(given.keys) if given.keys is not None else None,
+        say=_say,
+        stop=stop,
+    )
     return 0 if watched.complete or stop.is_set() else 1
 
 

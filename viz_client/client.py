@@ -1,11 +1,12 @@
 """Follows a run and records it; pictures and replay page come second.
 
 The stream is joined before the snapshot is asked for, so nothing between the two is missed. Messages are written as they
-arrive, undecoded bytes to the file; drawing happens in another process (`painter.py`) or after the end.
+arrive, undecoded bytes to the file; drawing happens in another process (`painter.py`) or after the end. A frame that did not
+come, because this program or the environment was killed meanwhile, is asked for again; an environment with a journal has it.
 
 Waits, all in seconds: START_LIMIT for the environment to answer and to have a snapshot, GONE_LIMIT once it had answered and
-then does no more; SILENCE without a message before the environment is asked whether it lives; ANSWER_LIMIT for its answer.
-An environment that lives may be silent for ever.
+then does no more; SILENCE without a message before the environment is asked whether it lives; ANSWER_LIMIT for its answer; and
+`patience` for one that is gone to come back. An environment that lives may be silent for ever.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ from typing import Final
 from protocol import recording
 from protocol.channel import Client, Subscriber
 from protocol.codec import decode
-from protocol.errors import MessageError, PeerLostError
-from protocol.messages import Error, Finished, Frame, Snapshot, SnapshotRequest, Statistics, StatisticsRequest
+from protocol.errors import MessageError, PeerLostError, RecordingError
+from protocol.keys import Keys
+from protocol.messages import Error, Finished, Frame, FrameRequest, Snapshot, SnapshotRequest, Statistics, StatisticsRequest
 
 from .painter import DIRECTORY, Painter
-from .redraw import page
+from .redraw import page, redraw
+from .tape import Tape
 
 START_LIMIT: Final = 120.0
 GONE_LIMIT: Final = 15.0
@@ -50,6 +53,9 @@ def watch(
     *,
     replay: bool = True,
     pictures: bool = True,
+    resume: bool = False,
+    patience: float = 0.0,
+    keys: Keys | None = None,
     say: Callable[[str], None] = lambda _line: None,
     stop: Event | None = None,
 ) -> Watched:
@@ -58,9 +64,12 @@ def watch(
     Args:
         frames: Address of the environment's lossless stream.
         control: Address at which the environment answers.
-        out: Folder of the run; made if need be. Must not hold a recording.
+        out: Folder of the run; made if need be. Must not hold a recording, unless that is to be gone on with.
         replay: Whether to write `replay.html` at the end.
         pictures: Whether to draw the key postures.
+        resume: Whether to go on with a recording of this run that was broken off; there need not be one.
+        patience: [s] How long to wait for an environment that is gone to come back.
+        keys: For both sockets.
         say: Told one line for each milestone.
         stop: When set, recording ends at once and nothing more is drawn.
 
@@ -74,26 +83,49 @@ def watch(
         RecordingError: If the folder holds a recording already, or the disk is full.
     """
     stop = stop or Event()
-    stream = Subscriber(frames)
-    client = Client(control, "viz_client")
+    before = _recorded(out / recording.FILE_NAME) if resume else None
+    if before is not None and before.finished is not None:
+        redraw(out, replay=replay, pictures=pictures, say=say)
+        return Watched(len(before.frames), 0, complete=True, sentence=before.finished.sentence)
+    stream = Subscriber(frames, keys=keys)
+    client = Client(control, "viz_client", keys)
     try:
-        return _Session(stream, client, out, say, stop).run(replay=replay, pictures=pictures)
+        return _Session(stream, client, out, say, stop, before, patience).run(replay=replay, pictures=pictures)
     finally:
         stream.close()
         client.close()
 
 
+def _recorded(file: Path) -> recording.Recording | None:
+    """What is recorded already; a file that was broken off in its first message is removed."""
+    if not file.exists():
+        return None
+    try:
+        return recording.read(file)
+    except RecordingError:
+        file.unlink()
+        return None
+
+
 class _Session:
-    def __init__(self, stream: Subscriber, client: Client, out: Path, say: Callable[[str], None], stop: Event) -> None:
+    def __init__(
+        self,
+        stream: Subscriber,
+        client: Client,
+        out: Path,
+        say: Callable[[str], None],
+        stop: Event,
+        before: recording.Recording | None,
+        patience: float,
+    ) -> None:
         self._stream = stream
         self._client = client
         self._out = out
         self._say = say
         self._stop = stop
+        self._before = before
+        self._patience = patience
         self._begin = time.monotonic()
-        self._frames = 0
-        self._next = 0  # sequence number that comes next
-        self._missing = 0
         self._drawn = 0
 
     def run(self, *, replay: bool, pictures: bool) -> Watched:
@@ -106,11 +138,20 @@ class _Session:
         self._say(f"snapshot after {self._elapsed()}: {len(snapshot.solids)} solids, {triangles} triangles")
         self._out.mkdir(parents=True, exist_ok=True)
         painter: Painter | None = None
+        before = self._before
+        if before is not None and before.snapshot.session != snapshot.session:
+            raise RecordingError(
+                f"recording {self._out / recording.FILE_NAME} is of another scene; give another folder", key=str(self._out)
+            )
         try:
-            with recording.Writer(self._out / recording.FILE_NAME) as writer:
-                writer.write(data)
+            with recording.Writer(self._out / recording.FILE_NAME, keep=before.size if before is not None else None) as writer:
+                if before is None:
+                    writer.write(data)
                 painter = Painter(self._out, drawn=self._tell_drawn, failed=self._say) if pictures else None
-                watched = self._record(snapshot, writer, painter)
+                tape = Tape(writer, painter, self._say, self._elapsed)
+                if before is not None:
+                    tape.go_on(before)
+                watched = self._record(snapshot, tape, painter)
             missing = f"{watched.missing} missing" if watched.missing else "none missing"
             self._say(f"recorded {watched.frames} frames in {self._elapsed()}, {missing}: {watched.sentence}")
             if replay and not self._stop.is_set():
@@ -148,26 +189,38 @@ class _Session:
             return None
         raise PeerLostError(f"no snapshot from {self._client.address} within {START_LIMIT:g} s: {problem}", key=self._client.address)
 
-    def _record(self, snapshot: Snapshot, writer: recording.Writer, painter: Painter | None) -> Watched:
-        heard = time.monotonic()
-        while not self._stop.is_set():
+    def _record(self, snapshot: Snapshot, tape: Tape, painter: Painter | None) -> Watched:
+        heard = answered = time.monotonic()
+        ending = self._fill(None, snapshot, tape) if self._before is not None else None
+        while ending is None and not self._stop.is_set():
             data = self._stream.receive(POLL)
             if data is not None:
-                heard = time.monotonic()
-                ending = self._take(data, snapshot, writer, painter)
-                if ending is not None:
-                    return ending
+                heard = answered = time.monotonic()
+                ending = self._take(data, snapshot, tape)
             elif time.monotonic() - heard > SILENCE:
-                sentence = self._why_silent()
-                if sentence:
-                    return self._ended(sentence)
+                try:
+                    ending = self._look(snapshot, tape)
+                    answered = time.monotonic()
+                except PeerLostError:
+                    if time.monotonic() - answered > self._patience:
+                        sentence = f"the environment was silent for {SILENCE:g} s and did not answer within {ANSWER_LIMIT:g} s"
+                        ending = _broken_off(tape, sentence)
                 heard = time.monotonic()
             if painter:
                 painter.turn()
-        return self._ended("told to stop")
+        return ending or _broken_off(tape, "told to stop")
 
-    def _take(self, data: bytes, snapshot: Snapshot, writer: recording.Writer, painter: Painter | None) -> Watched | None:
-        """Record one message; the result if it was the last."""
+    def _look(self, snapshot: Snapshot, tape: Tape) -> Watched | None:
+        """Whether a run from which nothing comes is over, and how; None if it lives."""
+        state = self._client.ask(StatisticsRequest(), ANSWER_LIMIT)
+        ending = self._fill(None, snapshot, tape)
+        if ending is None and isinstance(state, Statistics) and state.state in ("finished", "failed"):
+            tape.missing += max(0, state.step + 1 - tape.next)
+            ending = _broken_off(tape, f"the environment says that the run is over: {state.sentence}")
+        return ending
+
+    def _take(self, data: bytes, snapshot: Snapshot, tape: Tape) -> Watched | None:
+        """Record one message of the stream, after those before it that did not come; the result if it was the last."""
         try:
             message = decode(data)
         except MessageError as error:
@@ -177,38 +230,37 @@ class _Session:
             self._say(f"a {type(message).__name__} has no place in the stream and is not recorded")
             return None
         if message.session != snapshot.session:
-            return self._ended("another run began at this address")
-        writer.write(data)
-        if isinstance(message, Finished):
-            self._missing += max(0, message.frames - self._next)
-            return Watched(self._frames, self._missing, complete=True, sentence=message.sentence)
-        self._count(message)
-        if message.picture and painter:
-            painter.offer(data, message.picture)
+            return _broken_off(tape, "another run began at this address")
+        sequence = message.sequence if isinstance(message, Frame) else message.frames
+        if sequence > tape.next:
+            self._fill(sequence, snapshot, tape)
+        tape.keep(data, message)
+        return _complete(tape, message) if isinstance(message, Finished) else None
+
+    def _fill(self, until: int | None, snapshot: Snapshot, tape: Tape) -> Watched | None:
+        """Record what the environment's journal has from the next frame on, up to a frame or as far as it goes; the result if it ends."""
+        while (until is None or tape.next < until) and not self._stop.is_set():
+            data = self._again(tape.next)
+            message = decode(data) if data is not None else None
+            if data is None or not isinstance(message, Frame | Finished) or message.session != snapshot.session:
+                return None
+            tape.keep(data, message)
+            if isinstance(message, Finished):
+                return _complete(tape, message)
         return None
 
-    def _count(self, frame: Frame) -> None:
-        if not self._frames:
-            self._say(f"first frame after {self._elapsed()}: number {frame.sequence}")
-        if frame.sequence > self._next:
-            self._missing += frame.sequence - self._next
-            self._say(f"frames {self._next} to {frame.sequence - 1} are missing" + ("" if self._frames else ": joined late"))
-        self._frames += 1
-        self._next = frame.sequence + 1
-
-    def _why_silent(self) -> str:
-        """Why nothing comes any more; empty if the environment lives and is not at its end."""
-        try:
-            answer = self._client.ask(StatisticsRequest(), ANSWER_LIMIT)
-        except PeerLostError:
-            return f"the environment was silent for {SILENCE:g} s and did not answer within {ANSWER_LIMIT:g} s"
-        if isinstance(answer, Statistics) and answer.state in ("finished", "failed"):
-            self._missing += max(0, answer.step + 1 - self._next)
-            return f"the environment says that the run is over: {answer.sentence}"
-        return ""
-
-    def _ended(self, sentence: str) -> Watched:
-        return Watched(self._frames, self._missing, complete=False, sentence=sentence)
+    def _again(self, sequence: int) -> bytes | None:
+        """A message that went by; None if the environment keeps none, or has none yet."""
+        self._client.send(FrameRequest(sequence=sequence))
+        end = time.monotonic() + ANSWER_LIMIT
+        while (left := end - time.monotonic()) > 0:
+            data = self._client.receive_bytes(left)
+            answer = decode(data) if data is not None else None
+            if isinstance(answer, Error):
+                return None
+            if isinstance(answer, Finished) or (isinstance(answer, Frame) and answer.sequence == sequence):
+                return data
+        return None
 
     def _tell_drawn(self, path: Path) -> None:
         if not self._drawn:
@@ -220,3 +272,11 @@ class _Session:
 
     def _elapsed(self) -> str:
         return f"{self._seconds():.1f} s"
+
+
+def _complete(tape: Tape, finished: Finished) -> Watched:
+    return Watched(tape.frames, tape.missing, complete=True, sentence=finished.sentence)
+
+
+def _broken_off(tape: Tape, sentence: str) -> Watched:
+    return Watched(tape.frames, tape.missing, complete=False, sentence=sentence)

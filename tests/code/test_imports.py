@@ -12,7 +12,7 @@ import pytest
 from rooms import PROGRAMS, ROOMS, ROOT, files, importers, imports, tree
 
 ONLY_IN = {
-    "zmq": {"protocol/channel.py"},
+    "zmq": {"protocol/channel.py", "protocol/sockets.py"},
     "msgpack": {"protocol/recording.py"},
     "pybullet": {"env_server/world.py", "viz_client/picture.py", "viz_client/painter.py"},  # the last only loads it ahead of time
     "pybullet_data": {"env_server/urdf.py"},
@@ -87,7 +87,13 @@ def test_a_foreign_library_stays_in_its_rooms(library: str) -> None:
 
 
 def test_programs_make_changed_copies_of_messages_and_know_nothing_else_of_the_codec() -> None:
-    assert importers("msgspec", "protocol") == {"protocol/codec.py", "protocol/messages.py", "protocol/parts.py", "protocol/scene_file.py"}
+    assert importers("msgspec", "protocol") == {
+        "protocol/checkpoint.py",
+        "protocol/codec.py",
+        "protocol/messages.py",
+        "protocol/parts.py",
+        "protocol/scene_file.py",
+    }
     for path in importers("msgspec", *PROGRAMS):
         used = {ast.unparse(node) for node in ast.walk(tree(Path(path))) if isinstance(node, ast.Attribute)}
         assert {name for name in used if name.startswith("msgspec")} == {"msgspec.structs", "msgspec.structs.replace"}, path
@@ -110,8 +116,9 @@ def test_importing_a_program_loads_nothing_that_only_some_scenes_need(module: st
 
 def test_only_the_ends_of_a_program_touch_a_channel() -> None:
     ends = {
-        "env_server/__main__.py", "env_server/asking.py", "env_server/control.py", "env_server/server.py", "shape_server/server.py",
-        "viz_client/client.py", "scenarios/launch.py",
+        "env_server/__main__.py", "env_server/asking.py", "env_server/control.py", "env_server/outlet.py", "env_server/server.py",
+        "shape_server/server.py",
+        "viz_client/client.py", "scenarios/launch.py", "scenarios/remote.py",
     }  # fmt: skip
     assert {str(path) for path in files(*PROGRAMS) if any(name.startswith("protocol.channel") for name in imports(path))} <= ends
 

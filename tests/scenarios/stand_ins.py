@@ -90,14 +90,14 @@ def env_server(options: dict[str, str], behaviour: str) -> None:
 
 def viz_client(options: dict[str, str], behaviour: str) -> None:
     stream = Subscriber(options["--frames"])
+    if behaviour == "die":
+        os.kill(os.getpid(), signal.SIGKILL)
     with recording.Writer(Path(options["--out"]) / recording.FILE_NAME) as writer:
         while True:
             data = stream.receive(10.0)
             if data is None:
                 sys.exit("nothing came")
             writer.write(data)
-            if behaviour == "die":
-                os.kill(os.getpid(), signal.SIGKILL)
             if isinstance(decode(data), Finished):
                 return
 

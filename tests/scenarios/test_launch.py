@@ -12,7 +12,6 @@ from recordings import SCENE
 
 from protocol import recording
 from protocol.errors import CablecosimError, PeerLostError, SceneError
-from scenarios import launch as launching
 from scenarios.children import Child
 from scenarios.launch import launch
 from scenarios.progress import Lines, display
@@ -62,7 +61,7 @@ class Stage:
 def stage(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Stage]:
     stage = Stage()
     monkeypatch.setattr("scenarios.children.command", stage.command)
-    monkeypatch.setattr(launching, "Child", stage.child)
+    monkeypatch.setattr("scenarios.keeper.Child", stage.child)
     monkeypatch.chdir(tmp_path)
     yield stage
     assert all(child.code is not None for child in stage.children), "a program was left running"
@@ -139,11 +138,14 @@ def test_an_environment_that_dies_is_named_with_its_last_words_and_what_it_did_i
     assert not json.loads((folder / "summary.json").read_text())["complete"]
 
 
-def test_a_recorder_that_is_killed_is_named_with_the_signal(stage: Stage) -> None:
+def test_a_recorder_that_is_killed_again_and_again_is_named_with_the_signal(stage: Stage) -> None:
     stage.behaviour |= {"viz_client": "die", "env_server": "slow"}
+    notes = Notes()
 
-    with pytest.raises(PeerLostError, match=r"viz_client was killed by signal 9 \(SIGKILL\)"):
-        launch(SCENE, "small", Notes())
+    with pytest.raises(PeerLostError, match=r"viz_client was killed by signal 9 \(SIGKILL\), after it had been started again 3 times"):
+        launch(SCENE, "small", notes)
+
+    assert notes.lines.count("viz_client was killed by signal 9 (SIGKILL); it is started again") == 3
 
 
 def test_an_interrupted_run_ends_in_good_order_with_its_recording_whole(stage: Stage) -> None:

@@ -20,7 +20,7 @@ def ask(*arguments: str) -> dict[str, Any]:
     assert run.returncode == 0, run.stderr
     found: dict[str, Any] = json.loads(run.stdout)
     assert found["ours"] == []
-    assert {"type": "Welcome", "version": 2, "project": "cablecosim"}.items() <= found["welcome"].items()
+    assert {"type": "Welcome", "version": 3, "project": "cablecosim"}.items() <= found["welcome"].items()
     return found
 
 

@@ -13,10 +13,10 @@ from protocol.messages import Error, Hello, Welcome
 @pytest.mark.parametrize(
     ("hello", "sentence"),
     [
-        (Hello(version=999, role="env_server"), "the peer 'env_server' speaks version 999 of 'cablecosim', this program version 2"),
+        (Hello(version=999, role="env_server"), "the peer 'env_server' speaks version 999 of 'cablecosim', this program version 3"),
         (
-            Hello(version=2, role="a viewer", project="protocol"),
-            "the peer 'a viewer' speaks version 2 of 'protocol', this program version 2",
+            Hello(version=3, role="a viewer", project="protocol"),
+            "the peer 'a viewer' speaks version 3 of 'protocol', this program version 3",
         ),
     ],
 )

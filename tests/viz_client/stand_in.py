@@ -9,7 +9,7 @@ from pathlib import Path
 from protocol import VERSION
 from protocol.channel import Publisher, Server
 from protocol.codec import encode
-from protocol.messages import AnyMessage, Done, Error, Snapshot, SnapshotRequest, Statistics, StatisticsRequest, Welcome
+from protocol.messages import AnyMessage, Done, Error, FrameRequest, Snapshot, SnapshotRequest, Statistics, StatisticsRequest, Welcome
 
 
 class StandIn:
@@ -59,4 +59,4 @@ class StandIn:
             return self.snapshot or Error(code="state", sentence="no scene yet")
         if isinstance(question, StatisticsRequest):
             return Statistics(step=0, steps=1, state=self.state, sentence="as told")
-        return Done()
+        return Error(code="state", sentence="nothing is kept") if isinstance(question, FrameRequest) else Done()
