@@ -21,7 +21,8 @@ Solution: `gradient_curve.py` for a given H, and a root of one increasing functi
 allowed for to first order: curvature is y'' cos(phi)^3 and d/ds is cos(phi) d/dx, so EI cos(phi)^3 and l cos(phi) stand for EI and l.
 
 Left out: the rest of the curvature and of the weight per x, of second order in the angle between cable and chord, of third on a
-level chord; `gradient_error.py` predicts what they move. Stretch, and all that leaves the plane, are left out without prediction. A
+level chord; `gradient_error.py` predicts what they move, and `gradient_ends.py` adds to the ends what they bear of it, so that forces and
+moments there balance the weight where it is. Stretch, and all that leaves the plane, are left out without prediction. A
 cable whose ends push it together (H <= 0) is refused, as are angles and clamps beyond those for which the error is known: the rod
 covers them.
 """
@@ -34,6 +35,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .gradient_curve import Posed, balanced, bent, derivatives, places
+from .gradient_ends import ends
 from .gradient_error import Prediction, predict
 
 TAUT = 1e-12  # of the length; a cable with less slack is given this much, so that its tension stays finite
@@ -54,11 +56,13 @@ class GradientShape:
 
     nodes: np.ndarray  # (n, 3) m
     tension: np.ndarray  # (n,) N
-    moment: np.ndarray  # (n,) N m, positive where it bends the cable upwards
+    moment: np.ndarray  # (n,) N m, positive where it bends the cable upwards; of the equation, as the curve is
     curvature: np.ndarray  # (n,) 1/m, positive upwards
     horizontal: float  # N, H
     start_force: np.ndarray  # (3,) N, on the cable at its first end
     end_force: np.ndarray  # (3,) N, on the cable at its last end
+    start_moment: float  # N m, as `moment`; with the forces it balances the cable's weight where that is, see `gradient_ends`
+    end_moment: float  # N m
     error: float  # m, of the nodes, predicted
     tension_error: float  # N, predicted
 
@@ -100,17 +104,20 @@ def lay(
     predicted = predict(posed, horizontal, curve)
     _check(predicted)
     x = places(curve, s)
-    y, slope, second, third, fourth, fifth = derivatives(curve, np.append(x, (0.0, posed.span)))
-    vertical = horizontal * slope - posed.bending * (third - posed.micro_length**2 * fifth)  # on the part before x
+    y, slope, second, _, fourth, _ = derivatives(curve, x)
+    borne = ends(posed, horizontal, curve)
+    vertical = borne.start_vertical + (borne.end_vertical - borne.start_vertical) / length * s  # on the part before s
     slant = np.sqrt(1 + slope * slope)
     return GradientShape(
-        nodes=start + np.outer(x, side) + np.outer(y[:-2], up),
-        tension=((horizontal + vertical * slope) / slant)[:-2],
-        moment=posed.bending * (second - posed.micro_length**2 * fourth)[:-2],
-        curvature=(second / slant**3)[:-2],
+        nodes=start + np.outer(x, side) + np.outer(y, up),
+        tension=(horizontal + vertical * slope) / slant,
+        moment=posed.bending * (second - posed.micro_length**2 * fourth),
+        curvature=second / slant**3,
         horizontal=horizontal,
-        start_force=-horizontal * side - vertical[-2] * up,
-        end_force=horizontal * side + vertical[-1] * up,
+        start_force=-horizontal * side - borne.start_vertical * up,
+        end_force=horizontal * side + borne.end_vertical * up,
+        start_moment=borne.start_moment,
+        end_moment=borne.end_moment,
         error=predicted.error,
         tension_error=predicted.tension_error,
     )

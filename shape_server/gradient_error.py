@@ -47,7 +47,7 @@ class Prediction:
 
 def predict(posed: Posed, horizontal: float, curve: Curve) -> Prediction:
     """The error of a curve found for the horizontal force H [N]."""
-    along, steepness = _Along(curve), posed.rise / posed.span
+    along, steepness = Along(curve), posed.rise / posed.span
     firm = bent(posed, (1 + STEP) * horizontal)
     here, at_ends = derivatives(curve, along.x), derivatives(curve, along.ends)
     change, change_at_ends = (derivatives(firm, along.x) - here) / STEP, (derivatives(firm, along.ends) - at_ends) / STEP  # with log H
@@ -55,7 +55,7 @@ def predict(posed: Posed, horizontal: float, curve: Curve) -> Prediction:
     stiffer = 1 + _stiffening(posed, horizontal)
     v = 1 / np.sqrt(1 + here[1] ** 2)  # dx / ds
 
-    load, moment, double = _left_over(posed, here, at_ends)
+    load, moment, double = left_over(posed, here, at_ends)
     shear = along.primitive(load)
     shear = shear - along.integral(shear) / posed.span
     by_load = along.primitive(shear) / horizontal
@@ -71,12 +71,12 @@ def predict(posed: Posed, horizontal: float, curve: Curve) -> Prediction:
 
     pull = horizontal * (abs(gain) + abs(lengthening) / stiffer) / (posed.slack * abs(power))
     in_layers = horizontal * by_moment * curve.fastest * np.abs(here[1] - steepness).max() / (1 + steepness**2)
-    tension_error = in_layers + (pull / v + np.abs(shear) * np.sqrt(1 - v * v)).max()
+    tension_error = in_layers + (pull / v).max()
     turn = np.abs(np.arctan(np.append(here[1], at_ends[1])) - math.atan(steepness)).max()
     return Prediction(CAUTION * float(error), CAUTION * float(tension_error), abs(gain) / posed.slack, float(turn))
 
 
-def _left_over(posed: Posed, here: np.ndarray, at_ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def left_over(posed: Posed, here: np.ndarray, at_ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The load q [N/m] and the moment mu [N m] along the curve, and the third derivative d [1/m^2] at both ends."""
     chord = math.hypot(posed.span, posed.rise)
     cosine, weight = posed.span / chord, posed.bar * posed.span / (chord + posed.slack)
@@ -99,7 +99,7 @@ def _stiffening(posed: Posed, horizontal: float) -> float:
     return posed.bending / horizontal * wave**2 * (1 + (posed.micro_length * wave) ** 2)
 
 
-class _Along:
+class Along:
     """Gauss points along a curve, panel by panel.
 
     Attributes:

@@ -25,6 +25,7 @@ from protocol.messages import Cost, Problem, Shape
 from protocol.scene import Vector
 
 from .answer import no_shape
+from .balance import balanced
 from .cold import tangent_of
 from .hanging import not_built, solve_hanging
 from .mesh import Mesh, even, stops
@@ -32,7 +33,7 @@ from .numpy_path import frames_along
 
 LAYER: Final = 1.3  # times sqrt(EI / T), what a catenary misses beside a clamp
 PART_OF: Final = {"micro_length": "bending"}  # left out with it
-SEGMENTS: Final = (25, 50, 100, 200, 400, 800)
+SEGMENTS: Final = (24, 48, 96, 192, 384, 768)  # even, for Simpson's rule over pairs of them
 
 
 def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
@@ -207,15 +208,16 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
             break
     aside = np.cross(grasps.position[1] - grasps.position[0], load)
     axis = aside / max(float(np.linalg.norm(aside)), 1e-300)
-    moments = np.outer([-laid.moment[0], laid.moment[-1]], -axis)
-    moments[[tangent is None for tangent in tangents]] = 0.0
+    wrenches = np.hstack([[laid.start_force, laid.end_force], np.outer([-laid.start_moment, laid.end_moment], -axis)])
+    on_nodes = np.outer(_simpson(mesh.lengths), load)
+    wrenches = balanced(problem, laid.nodes[[0, -1]], laid.nodes, on_nodes, wrenches, np.zeros((0, 3)), np.zeros(3))
     rung = Rung(
         mesh=mesh,
         nodes=laid.nodes,
         frames=_frames(laid.nodes, grasps.quaternion[0]),
         tension=0.5 * (laid.tension[1:] + laid.tension[:-1]),
         curvature=np.abs(laid.curvature),
-        wrenches=np.hstack([[laid.start_force, laid.end_force], moments]),
+        wrenches=wrenches,
         contact_forces=np.zeros((0, 3)),
         energy=_bending_energy(cable.bending, cable.micro_length or 0.0, laid.curvature, mesh)
         - float(np.vdot(load, 0.5 * mesh.lengths @ (laid.nodes[1:] + laid.nodes[:-1]))),
@@ -224,6 +226,15 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
         left_out={},
     )
     return answer(problem, used, rung, Model.GRADIENT, "closed form", begun)
+
+
+def _simpson(lengths: np.ndarray) -> np.ndarray:
+    """Share (n,) [m] of the arc length that every node stands for: Simpson's rule over pairs of equal segments (n-1,)."""
+    pair = lengths[::2] + lengths[1::2]
+    out = np.zeros(len(lengths) + 1)
+    out[:-1:2], out[1::2] = pair / 6, 2 / 3 * pair
+    out[2::2] += pair / 6
+    return out
 
 
 def _bending_energy(bending: float, micro_length: float, curvature: np.ndarray, mesh: Mesh) -> float:

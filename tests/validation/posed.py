@@ -67,7 +67,8 @@ def start_from(shape: Shape) -> Start:
 def on_nodes(shape: Shape, weight: np.ndarray, grasps: Grasps) -> np.ndarray:
     """The weights (n-1,) [N] of all segments as weights (n,) [N] of nodes: half and half, or by Simpson's rule over pairs of segments.
 
-    Simpson's where two meshes are combined, whose nodes lie on a curve and not along the frames; each piece between clamps for itself.
+    Simpson's where two meshes are combined, whose nodes lie on a curve and not along the frames, and for the gradient cable, whose nodes
+    lie on one too (decision 0016); each piece between clamps for itself.
     """
     out = np.zeros(len(shape.s))
     tangents = Rotation.from_quat(shape.frames).apply([0.0, 0.0, 1.0])
@@ -75,7 +76,7 @@ def on_nodes(shape: Shape, weight: np.ndarray, grasps: Grasps) -> np.ndarray:
     clamps = [int(np.argmin(np.abs(shape.s - s))) for s, hold in zip(grasps.s, grasps.hold, strict=True) if hold is Hold.CLAMP]
     for first, last in pairwise(np.unique([0, *clamps, len(out) - 1]).tolist()):
         own, part = weight[first:last], out[first : last + 1]
-        if np.median(aside[first:last]) < 1e-13 * shape.s[-1]:  # beside a clamp the pieces meet to 1e-12 m
+        if shape.model != "gradient" and np.median(aside[first:last]) < 1e-13 * shape.s[-1]:  # beside a clamp the pieces meet to 1e-12 m
             part += 0.5 * (np.append(own, 0.0) + np.append(0.0, own))
         else:
             pair = own[::2] + own[1::2]
