@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Le, MinLen
 
+from .bodies import target_mistake
 from .cable import LENGTH_MAX as LENGTH_MAX
 from .cable import STRICT as STRICT
 from .cable import Cable as Cable
@@ -30,6 +31,7 @@ Quaternion = tuple[float, float, float, float]  # (x, y, z, w)
 STEPS_MAX: Final = 1_000_000
 
 Metres = Annotated[Vector, Unit("m")]
+Radians = Annotated[Vector, Unit("rad")]
 
 
 @dataclass(frozen=True)
@@ -86,16 +88,18 @@ class Robot:
 
 @dataclass(frozen=True)
 class Target:
-    """Where one gripper is at the end of a move: displaced `by`, or at a point, or over a clip; turned or not."""
+    """Where one gripper or body is at the end of a move: displaced `by`, or at a point, or over a clip; turned or not."""
 
     __pydantic_config__: ClassVar = STRICT
-    gripper: str
+    gripper: str | None = None
+    body: str | None = None
     by: Metres | None = None
     to: Metres | None = None
     clip: str | None = None  # "body.clip", a named clip position of a generated body
     offset: Metres = (0.0, 0.0, 0.0)  # added to `to` or `clip`
     tangent: Vector | None = None
     approach: Vector | None = None
+    turn: Radians | None = None  # of a body about its position: axis times angle, in the world
 
 
 @dataclass(frozen=True)
@@ -195,7 +199,13 @@ def _check_gripper(key: str, gripper: Gripper, cables: dict[str, Cable], robot: 
 
 
 def _check_target(key: str, target: Target, grippers: dict[str, Gripper], bodies: list[str]) -> None:
-    _known(f"{key}.gripper", target.gripper, list(grippers))
+    sentence = target_mistake(target)
+    if sentence:
+        raise SceneError(f"{key}: {sentence}", key=key)
+    if target.gripper is not None:
+        _known(f"{key}.gripper", target.gripper, list(grippers))
+    if target.body is not None:
+        _known(f"{key}.body", target.body, bodies)
     if sum(goal is not None for goal in (target.by, target.to, target.clip)) > 1:
         raise SceneError(f"{key}: give one of 'by', 'to' and 'clip', not several", key=key)
     if target.clip is not None:
