@@ -42,7 +42,7 @@ def moves(before: np.ndarray, after: np.ndarray, extent: np.ndarray) -> np.ndarr
     chord = np.minimum(np.linalg.norm(last - first, axis=1), np.linalg.norm(last + first, axis=1))
     # From the chord between unit quaternions: exactly zero for equal ones, which an arc cosine is not.
     angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
-    far: np.ndarray = shift + np.where(angle > 0.0, angle * extent, 0.0)
+    far: np.ndarray = shift + np.multiply(angle, extent, out=np.zeros(len(angle)), where=angle > 0.0)  # a plane has no end
     return far
 
 

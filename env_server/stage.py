@@ -29,6 +29,7 @@ from .world import World
 
 if TYPE_CHECKING:
     from .body_path import BodyPath
+    from .primitives import Primitives
 
 HAND_REACH: Final = 0.12  # m along the cable within which the hand that holds it may touch it
 
@@ -75,9 +76,8 @@ class Stage:
         self.body_count = len(scene.bodies)
         self.extents = np.array([float(np.linalg.norm(surface.vertices, axis=1).max()) for surface in surfaces])
         say("sorting the surfaces for the contact search")
-        searchable = [Surface(surface.vertices, surface.triangles) for surface in surfaces]
-        self.touch_bodies = Touch(searchable[: self.body_count])
-        self.touch_links = Touch(searchable[self.body_count :])
+        self.touch_bodies = self._search_of_bodies()
+        self.touch_links = Touch([Surface(surface.vertices, surface.triangles) for surface in surfaces[self.body_count :]])
         self._body_poses = np.array([surface.pose for surface in surfaces[: self.body_count]]).reshape(-1, 7)
         self._link_rows = np.array([surface.link for surface in surfaces[self.body_count :]], dtype=np.int64)
         self.bonding = np.array([body.friction is Friction.BOND for body in scene.bodies] + [False] * len(self._link_rows), dtype=bool)
@@ -96,6 +96,17 @@ class Stage:
     def at_step(self, step: int) -> Posture:
         """The posture at a time step, as planned."""
         return self._posture(float(self.path.times[step]), self._joints[step])
+
+    def _search_of_bodies(self) -> Touch | Primitives:
+        """The contact search on the bodies, and how far they reach where they are more than triangles."""
+        if all(body.shape is None for body in self.scene.bodies):
+            return Touch([Surface(mesh.vertices, mesh.triangles) for mesh in self.meshes])
+        from .primitives import Primitives, extent
+
+        for index, body in enumerate(self.scene.bodies):
+            if body.shape is not None:
+                self.extents[index] = extent(body)
+        return Primitives(self.scene.bodies, self.meshes)
 
     def put(self, posture: Posture) -> None:
         """Bring the rigid scene into a posture."""

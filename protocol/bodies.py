@@ -2,10 +2,36 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
+
+from .kinds import Primitive
 
 if TYPE_CHECKING:
-    from .scene import Target
+    from .scene import Body, Target
+
+SIZES: Final = {
+    Primitive.SPHERE: ("radius",),
+    Primitive.CYLINDER: ("radius", "length"),
+    Primitive.CAPSULE: ("radius", "length"),
+    Primitive.PLANE: (),
+    Primitive.POINT: (),
+}
+
+
+def body_mistake(body: Body) -> str:
+    """What is wrong with what a body is made of; empty if nothing is."""
+    if sum(given is not None for given in (body.generate, body.mesh, body.shape)) != 1:
+        return f"'{body.name}' needs either 'generate', 'mesh' or 'shape', one of the three"
+    wanted: tuple[str, ...] = SIZES[body.shape] if body.shape is not None else ()
+    for name in ("radius", "length"):
+        kind = f"the {body.shape.value} '{body.name}'" if body.shape is not None else f"'{body.name}', which has no 'shape',"
+        if name in wanted and getattr(body, name) is None:
+            return f"{kind} needs a '{name}' in m"
+        if name not in wanted and getattr(body, name) is not None:
+            return f"{kind} has no '{name}'; leave it out"
+    if body.radius == 0.0 and body.shape is not Primitive.CYLINDER:
+        return f"the radius of '{body.name}' must be above 0 m; a point has the shape 'point', and a line is a cylinder of radius 0"
+    return ""
 
 
 def target_mistake(target: Target) -> str:
