@@ -108,7 +108,7 @@ class Boundary:
             normal=normal,
             direction=np.vstack([candidates.direction[free], np.zeros((len(bonds), 3))]),
             extent=np.vstack([candidates.extent[free], np.zeros((len(bonds), 2))]),
-            distance=np.full(count + len(bonds), self.radius),
+            distance=self.radius + np.concatenate([candidates.thickness[free], np.zeros(len(bonds))]),
             friction=np.concatenate([np.full(count, FREE), np.full(len(bonds), BONDED)]),
             force=force,
         )

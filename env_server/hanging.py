@@ -39,7 +39,7 @@ def joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
     if not near.any():
         return cable.bodies
     first, second = cable.bodies, cable.links
-    names = ("segment", "fraction", "feature", "feature_id", "point", "normal", "direction", "extent", "gap", "is_crossing", "is_beyond")
+    names = [name for name in Candidates.__slots__ if name not in ("body", "clearance")]
     columns = {name: np.concatenate([getattr(first, name), getattr(second, name)[near]]) for name in names}
     return Candidates(
         **columns,

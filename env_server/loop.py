@@ -23,9 +23,9 @@ from . import remesh
 from .asking import Asker
 from .boundary import Boundary
 from .hanging import Hanging, joined, nowhere, part_way, start_of, unsettled
-from .poses import farthest_move
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
+from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion
 from .touch import Candidates
 
 ROUNDS_MAX: Final = 12
@@ -134,8 +134,9 @@ class Loop:
 
     def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, tuple[Hanging, ...], int]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
-        is_last = before is None or depth == HALVINGS_MAX
-        done = self._try(step, goal, before, may_jump=is_last)
+        is_outrun = before is not None and depth < HALVINGS_MOST and self._is_outrun(before, goal)
+        is_last = before is None or (depth >= HALVINGS_MAX and not is_outrun)
+        done = _Try() if is_outrun else self._try(step, goal, before, may_jump=is_last)
         if before is None or is_last:
             return goal, done.cables if done.is_settled else unsettled(done.cables, UNSETTLED), done.rounds
         if done.is_settled and not done.may_have_passed:
@@ -204,15 +205,17 @@ class Loop:
         return done
 
     def _begin(self, goal: Posture, before: Stepped | None, grasps: list[Grasps]) -> Sequence[Hanging | None]:
-        """Where each cable starts from: the last step, looked at anew where a robot link near it has moved."""
+        """Where each cable starts from: the last step, looked at anew where a body, or a robot link near it, has moved."""
         if before is None:
             return [None] * len(grasps)
         begun = time.perf_counter()
-        cables = []
+        cables, count = [], self._stage.body_count
+        have_moved = not np.array_equal(before.posture.surfaces[:count], goal.surfaces[:count])
         for index, (cable, grasp) in enumerate(zip(before.cables, grasps, strict=True)):
             boundary = cable.boundary.drawn_through(grasp, goal.surfaces)
             links = self._search_links(index, cable.shape, goal, cable) if len(cable.links.body) else cable.links
-            cables.append(replace(cable, boundary=boundary, links=links))
+            bodies = self._search_bodies(index, cable.shape, goal, cable) if have_moved else cable.bodies
+            cables.append(replace(cable, boundary=boundary, bodies=bodies, links=links))
         self._meter.search += time.perf_counter() - begun
         return cables
 
@@ -233,7 +236,7 @@ class Loop:
         self._asker.send(request)
         sent = time.perf_counter()
         if not has_moved_robot:
-            self._stage.world.set_joints(goal.joints)
+            self._stage.put(goal)
             self._collisions = self._stage.world.collisions()
         moved = time.perf_counter()
         coded = self._asker.coding
@@ -246,12 +249,17 @@ class Loop:
 
     def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> tuple[Candidates, Candidates]:
         """Places within reach on the bodies and on the robot's links."""
-        cable, count = self._stage.scene.cables[index], self._stage.body_count
-        radius = 0.5 * cable.diameter
-        bodies = self._stage.touch_bodies.search(
-            shape.nodes, goal.surfaces[:count], radius, self._reach, previous=previous.bodies if previous is not None else None
+        return self._search_bodies(index, shape, goal, previous), self._search_links(index, shape, goal, previous)
+
+    def _search_bodies(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
+        """Places within reach on the bodies."""
+        return self._stage.touch_bodies.search(
+            shape.nodes,
+            goal.surfaces[: self._stage.body_count],
+            0.5 * self._stage.scene.cables[index].diameter,
+            self._reach,
+            previous=previous.bodies if previous is not None else None,
         )
-        return bodies, self._search_links(index, shape, goal, previous)
 
     def _search_links(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
         """Places within reach on the robot's links."""
@@ -269,19 +277,15 @@ class Loop:
         """Share of the way from the anchor that surely passes no body; 1 if no segment went further than its distance to one."""
         if anchor is None:
             return 1.0
-        count = self._stage.body_count
-        still = farthest_move(at.surfaces[:count], goal.surfaces[:count], self._stage.extents[:count])
-        turning = farthest_move(at.surfaces[count:], goal.surfaces[count:], self._stage.extents[count:])
-        farthest, share = 0.0, 1.0
-        for was, now in zip(anchor, after, strict=True):
-            node = np.linalg.norm(now.shape.nodes - was.shape.nodes, axis=1)
-            segment = np.maximum(np.maximum(node[1:], node[:-1]), 1e-12)
-            farthest = max(farthest, float(node.max()))
-            for clearance, motion in ((was.bodies.clearance, still), (was.links.clearance, turning)):
-                share = min(share, float(((clearance - motion) / segment).min()))
-        self._reach = float(np.clip(AHEAD * (farthest + still), REACH_LEAST, REACH_MOST))
-        self._reach_links = max(self._reach, AHEAD * (farthest + turning))
-        return share if share < 1.0 else 1.0
+        rigid = rigid_motion(self._stage, at, goal, anchor)
+        share, farthest = free_share(rigid, anchor, after)
+        self._reach = float(np.clip(AHEAD * (farthest + rigid.bodies), REACH_LEAST, REACH_MOST))
+        self._reach_links = max(self._reach, AHEAD * (farthest + rigid.links))
+        return share
+
+    def _is_outrun(self, before: Stepped, goal: Posture) -> bool:
+        """Whether bodies or links move too far in a step to be sure that they pass no cable."""
+        return outruns(rigid_motion(self._stage, before.posture, goal, before.cables), before.cables)
 
     def _part_way(self, index: int, item: tuple[Hanging, Hanging, Grasps], share: float, goal: Posture) -> Hanging:
         """A cable as far on its way as surely passes no body, with what is near it there."""

@@ -41,6 +41,10 @@ def load_body(body: Body, key: str) -> Mesh:
     Raises:
         SceneError: If the name is unknown, or the file is missing, unreadable, empty, not finite or not in metres.
     """
+    if body.shape is not None:
+        from .tessellation import tessellated
+
+        return Mesh(*clean(*tessellated(body)))
     if body.generate is not None:
         if body.generate not in GENERATED:
             known = ", ".join(f"'{name}'" for name in GENERATED)

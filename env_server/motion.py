@@ -11,6 +11,7 @@ Source: Flash and Hogan 1985, "The coordination of arm movements" (the quintic i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,8 +46,13 @@ class Path:
         keys: Step of each picture of the scene, in their order; 0 is the start.
     """
 
-    def __init__(self, scene: Scene, clips: Clips) -> None:
+    def __init__(self, scene: Scene, clips: Clips, carried: Callable[[Clips, float], Clips] | None = None) -> None:
         """Lay out the path.
+
+        Args:
+            scene: With its moves.
+            clips: Where they are at the start.
+            carried: Clips as the bodies have taken them at a time, where bodies move; a target is where its clip is then.
 
         Raises:
             SceneError: If a clip is unknown, a gripper has two targets in one move, or a turn leaves its frame undefined.
@@ -60,7 +66,8 @@ class Path:
         legs, times = [], [np.zeros(1)]
         for index, move in enumerate(scene.moves):
             before, start = (positions, rotations), float(times[-1][-1])
-            positions, rotations = self._ends(f"moves[{index}]", move.targets, before, clips)
+            there = carried(clips, start + move.duration) if carried is not None else clips
+            positions, rotations = self._ends(f"moves[{index}]", move.targets, before, there)
             # A step is never longer than asked for; the tolerance keeps 0.3 / 0.1 from becoming four steps.
             steps = max(1, int(np.ceil(move.duration / scene.time_step - 1e-6)))
             turns = Rotation.from_matrix(np.swapaxes(before[1], 1, 2) @ rotations).as_rotvec()
@@ -103,6 +110,8 @@ class Path:
         positions, rotations = before[0].copy(), before[1].copy()
         moved = set()
         for index, target in enumerate(targets):
+            if target.gripper is None:
+                continue
             place = f"{key}.targets[{index}]"
             if target.gripper in moved:
                 raise SceneError(

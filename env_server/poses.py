@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+
+from protocol.scene import Body
+
+
+def body_pose(body: Body) -> np.ndarray:
+    """Pose (7,) of a body at the start."""
+    return np.array([*body.position, *np.array(body.quaternion) / math.hypot(*body.quaternion)])
 
 
 def outside(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
@@ -26,14 +35,15 @@ def turn_inside(pose: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return _turned(-pose[3:6], pose[6], vector)
 
 
-def farthest_move(before: np.ndarray, after: np.ndarray, extent: np.ndarray) -> float:
-    """How far at most any point of the bodies moved [m], from poses (b, 7) and their extents (b,) about their origins."""
-    if not len(before):
-        return 0.0
+def moves(before: np.ndarray, after: np.ndarray, extent: np.ndarray) -> np.ndarray:
+    """How far at most any point of each body moved (b,) [m], from poses (b, 7) and extents (b,) about their origins."""
     shift = np.linalg.norm(after[:, :3] - before[:, :3], axis=1)
-    cosine = np.abs(np.einsum("ij,ij->i", before[:, 3:], after[:, 3:]))
-    angle = 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0))
-    return float((shift + angle * extent).max())
+    first, last = before[:, 3:], after[:, 3:]
+    chord = np.minimum(np.linalg.norm(last - first, axis=1), np.linalg.norm(last + first, axis=1))
+    # From the chord between unit quaternions: exactly zero for equal ones, which an arc cosine is not.
+    angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
+    far: np.ndarray = shift + np.multiply(angle, extent, out=np.zeros(len(angle)), where=angle > 0.0)  # a plane has no end
+    return far
 
 
 def _turned(axis: np.ndarray, scalar: float, vector: np.ndarray) -> np.ndarray:

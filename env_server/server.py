@@ -234,7 +234,7 @@ class Run:
             move=stage.path.move_at(posture.time),
             picture=scene.pictures[key].name if key is not None else "",
             joints=posture.joints,
-            poses=stage.world.poses(posture.links),
+            poses=stage.poses(posture),
             grasps=tuple(stage.grasps(cable.name, posture) for cable in scene.cables),
             shapes=shapes,
             touching=touch_points(stage, stepped),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,6 +26,10 @@ from .robot import Robot
 from .surface import Surface
 from .touch import Touch
 from .world import World
+
+if TYPE_CHECKING:
+    from .body_path import BodyPath
+    from .primitives import Primitives
 
 HAND_REACH: Final = 0.12  # m along the cable within which the hand that holds it may touch it
 
@@ -59,7 +63,8 @@ class Stage:
         say("loading the bodies")
         self.meshes: tuple[Mesh, ...] = tuple(load_body(body, f"bodies[{index}]") for index, body in enumerate(scene.bodies))
         clips = {body.name: place_clips(body, mesh) for body, mesh in zip(scene.bodies, self.meshes, strict=True)}
-        self.path = Path(scene, clips)
+        self._body_path = _body_path(scene)
+        self.path = Path(scene, clips, self._body_path.carried if self._body_path is not None else None)
         self.robot: Robot | None = None
         if scene.robot is not None:
             say("loading the robot")
@@ -71,9 +76,8 @@ class Stage:
         self.body_count = len(scene.bodies)
         self.extents = np.array([float(np.linalg.norm(surface.vertices, axis=1).max()) for surface in surfaces])
         say("sorting the surfaces for the contact search")
-        searchable = [Surface(surface.vertices, surface.triangles) for surface in surfaces]
-        self.touch_bodies = Touch(searchable[: self.body_count])
-        self.touch_links = Touch(searchable[self.body_count :])
+        self.touch_bodies = self._search_of_bodies()
+        self.touch_links = Touch([Surface(surface.vertices, surface.triangles) for surface in surfaces[self.body_count :]])
         self._body_poses = np.array([surface.pose for surface in surfaces[: self.body_count]]).reshape(-1, 7)
         self._link_rows = np.array([surface.link for surface in surfaces[self.body_count :]], dtype=np.int64)
         self.bonding = np.array([body.friction is Friction.BOND for body in scene.bodies] + [False] * len(self._link_rows), dtype=bool)
@@ -92,6 +96,27 @@ class Stage:
     def at_step(self, step: int) -> Posture:
         """The posture at a time step, as planned."""
         return self._posture(float(self.path.times[step]), self._joints[step])
+
+    def _search_of_bodies(self) -> Touch | Primitives:
+        """The contact search on the bodies, and how far they reach where they are more than triangles."""
+        if all(body.shape is None for body in self.scene.bodies):
+            return Touch([Surface(mesh.vertices, mesh.triangles) for mesh in self.meshes])
+        from .primitives import Primitives, extent
+
+        for index, body in enumerate(self.scene.bodies):
+            if body.shape is not None:
+                self.extents[index] = extent(body)
+        return Primitives(self.scene.bodies, self.meshes)
+
+    def put(self, posture: Posture) -> None:
+        """Bring the rigid scene into a posture."""
+        self.world.set_joints(posture.joints)
+        if self._body_path is not None:
+            self.world.set_bodies(posture.surfaces[: self.body_count])
+
+    def poses(self, posture: Posture) -> np.ndarray:
+        """Poses (d, 7) of `solids` in a posture."""
+        return self.world.poses(posture.links, posture.surfaces[: self.body_count])
 
     def between(self, time: float, seed: np.ndarray) -> Posture:
         """The posture at any time, its joints (j,) found from a posture nearby."""
@@ -171,7 +196,8 @@ class Stage:
         positions, rotations = self.path.at(time)
         links = self.robot.link_poses(joints) if self.robot is not None else np.zeros((0, 7))
         quaternions = Rotation.from_matrix(cable_frames(rotations)).as_quat()
-        return Posture(time, positions, quaternions, joints, links, np.vstack([self._body_poses, links[self._link_rows]]))
+        bodies = self._body_path.at(time) if self._body_path is not None else self._body_poses
+        return Posture(time, positions, quaternions, joints, links, np.vstack([bodies, links[self._link_rows]]))
 
     def _plan(self) -> np.ndarray:
         """Joints (steps + 1, j) of the whole path."""
@@ -226,6 +252,15 @@ class Stage:
             f"grippers[{row}]: arm '{gripper.arm}' cannot bring '{gripper.name}' to ({x:.3f}, {y:.3f}, {z:.3f}) m {when}, "
             f"it misses by {1000 * miss:.1f} mm within its joint limits; move the target closer to the arm or turn it"
         )
+
+
+def _body_path(scene: Scene) -> BodyPath | None:
+    """The path of the bodies, if any of them moves."""
+    if all(target.body is None for move in scene.moves for target in move.targets):
+        return None
+    from .body_path import BodyPath
+
+    return BodyPath(scene)
 
 
 def _check_arms(scene: Scene, robot: Robot) -> None:

@@ -36,7 +36,7 @@ from .pairs import PAIR
 from .poses import turn_inside, turn_outside
 from .surface import Surface, join
 
-COMPILED: Final = ("hits", "pairs", "distances", "surface")  # files with what numba compiles of the search
+COMPILED: Final = ("hits", "pairs", "distances", "surface", "round_hits")  # files with what numba compiles of the search
 STAMP: Final = "search.stamp"  # beside numba's cache: what the code in it was compiled from
 NEIGHBOURHOOD: Final = 1.5  # segments along the cable within which a previous normal still holds
 
@@ -57,6 +57,7 @@ class Candidates:
     extent: np.ndarray  # (m, 2) m, from point back and on along direction to where the edge's line leaves the surface
     gap: np.ndarray  # (m,) m, between body and cable; negative where it penetrates
     is_crossing: np.ndarray  # (m,) bool, the axis itself touches or crosses the surface
+    thickness: np.ndarray  # (m,) m, radius of an exact body about `point`; zero on triangles
     is_beyond: np.ndarray  # (m,) bool, an edge that the contact beside it can slide on to; point is where it begins
     clearance: np.ndarray  # (n-1,) m, distance from axis to the nearest body per segment, at most reach + radius
 
@@ -119,7 +120,7 @@ class Touch:
             return _candidates(hits[:0], 0, clearance, radius, np.zeros((0, 2)))
         hits = self._with_edges(hits[:count], poses, radius + edges.CLOSE)
         if previous is not None:
-            _keep_normals(hits, previous)
+            keep_normals(hits, previous)
         return _candidates(hits, count, clearance, radius, self._extents(hits, poses))
 
     def _with_edges(self, hits: np.ndarray, poses: np.ndarray, close: float) -> np.ndarray:
@@ -226,7 +227,7 @@ def _tetrahedron() -> Surface:
     return Surface(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
 
 
-def _keep_normals(hits: np.ndarray, previous: Candidates) -> None:
+def keep_normals(hits: np.ndarray, previous: Candidates) -> None:
     """Give crossings the normal that the nearest place on the same body had in the previous search."""
     places = previous.segment + previous.fraction
     for row_number in np.flatnonzero(hits["is_crossing"]):
@@ -249,6 +250,7 @@ def _candidates(hits: np.ndarray, own: int, clearance: np.ndarray, radius: float
         is_beyond=np.arange(len(hits)) >= own,
         extent=extent,
         gap=hits["distance"] - radius,
+        thickness=np.zeros(len(hits)),
         is_crossing=hits["is_crossing"] != 0,
         clearance=clearance,
     )

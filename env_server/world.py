@@ -8,7 +8,6 @@ A scene without a robot does not load PyBullet.
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 import tempfile
@@ -28,6 +27,7 @@ from protocol.messages import Solid
 
 from .links import drawn_surface, touched_surface
 from .meshes import Mesh
+from .poses import body_pose
 from .robot import Robot
 
 BODY_COLORS: Final = ((0.30, 0.33, 0.38), (0.62, 0.64, 0.66), (0.45, 0.36, 0.28), (0.28, 0.40, 0.36))
@@ -65,7 +65,7 @@ class World:
         self.robot = robot
         self.bodies = bodies
         self.meshes = meshes
-        self.body_poses = np.array([_pose(body) for body in bodies]).reshape(-1, 7)
+        self.body_poses = np.array([body_pose(body) for body in bodies]).reshape(-1, 7)
         self._folder = robot.source.parent if robot is not None and robot.source is not None else Path()
         visible = {shape.link for shape in robot.description.visuals} if robot is not None else set()
         self._drawn = [index for index, name in enumerate(robot.link_names) if name in visible] if robot is not None else []
@@ -98,6 +98,19 @@ class World:
             raise ValueError("joint positions must be finite")
         values = [[value] for value in joints.tolist()]
         self._bullet.resetJointStatesMultiDof(self._model, self._indices, values, physicsClientId=self._client)
+
+    def set_bodies(self, poses: np.ndarray) -> None:
+        """Put the bodies where they are (b, 7).
+
+        Raises:
+            ValueError: If a pose is not finite; PyBullet would lose the body without a word.
+        """
+        if self._bullet is None:
+            return
+        if not np.isfinite(poses).all():
+            raise ValueError("poses of bodies must be finite")
+        for model, pose in zip(list(self._names)[1:], poses.tolist(), strict=True):
+            self._bullet.resetBasePositionAndOrientation(model, pose[:3], pose[3:], physicsClientId=self._client)
 
     def collisions(self) -> tuple[tuple[str, str], ...]:
         """Pairs of links, or of a link and a body, that touch in the present posture; neighbours in the chain left out."""
@@ -143,9 +156,9 @@ class World:
             found.append(Solid(name=body.name, vertices=mesh.vertices, triangles=mesh.triangles, color=color))
         return tuple(found)
 
-    def poses(self, link_poses: np.ndarray) -> np.ndarray:
-        """Poses (b, 7) of `solids` in their order, from the robot's link poses (L, 7); (0, 7) without a robot."""
-        return np.vstack([link_poses[self._drawn], self.body_poses])
+    def poses(self, link_poses: np.ndarray, body_poses: np.ndarray) -> np.ndarray:
+        """Poses (d, 7) of `solids` in their order, from those of the robot's links (L, 7), none without a robot, and of the bodies."""
+        return np.vstack([link_poses[self._drawn], body_poses])
 
     def surfaces(self) -> tuple[Surface, ...]:
         """Everything that a cable can touch: the bodies in the order of the scene, then the links as convex hulls."""
@@ -252,10 +265,6 @@ def _without_visuals(text: str) -> str:
         for visual in link.findall("visual"):
             link.remove(visual)
     return ElementTree.tostring(root, encoding="unicode")
-
-
-def _pose(body: scene.Body) -> np.ndarray:
-    return np.array([*body.position, *np.array(body.quaternion) / math.hypot(*body.quaternion)])
 
 
 def _root_pose(robot: Robot) -> list[float]:

@@ -25,6 +25,16 @@ class Hold(Enum):
     GUIDE = "guide"  # frame, and position but for sliding along the tangent, as in a sleeve
 
 
+class Primitive(Enum):
+    """A body that is given by its sizes, about its position, with its axis along its own z."""
+
+    SPHERE = "sphere"
+    CYLINDER = "cylinder"  # its side; the ends are not built, and a cable that comes to them is refused
+    CAPSULE = "capsule"  # a cylinder that ends in half spheres
+    PLANE = "plane"  # all below its own x-y plane is solid
+    POINT = "point"
+
+
 class Model(Enum):
     """The ladder of models, from cheap to complete."""
 

@@ -1,4 +1,4 @@
-"""A cable without bending under its boundary conditions: catenaries between held and bonded points."""
+"""A cable without bending under its boundary conditions: catenaries between held points."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from protocol.kinds import FRICTION_CODES, Friction, Hold, Outcome
+from protocol.kinds import Hold, Outcome
 from protocol.messages import Problem
 from protocol.scene import Vector
 
@@ -33,34 +33,37 @@ class Hanging:
     grasp_forces: np.ndarray  # (g, 3) N
     contact_forces: np.ndarray  # (m, 3) N
     energy: float  # J, of the weight, which counts from the world's origin
+    contact_s: np.ndarray  # (m,) m, where along the cable each contact is
     sag: float  # m, largest distance of a straight segment from its catenary
 
 
 def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hanging:
-    """The catenaries of a cable without bending.
-
-    Bonded contacts are points that hold the cable; one that would pull it towards its body is dropped, the hardest
-    pulling first. Frictionless contacts are not built for this model, and answered as unsupported.
-    """
-    grasps, contacts = problem.grasps, problem.contacts
+    """The catenaries of a cable without bending; what touches it is the matter of `touching`."""
     load = problem.cable.mass_per_length * np.asarray(gravity)
-    empty = even(stops(problem), grasps.s, 1)
-    count = 0 if contacts is None else len(contacts.s)
-    if contacts is not None and (contacts.friction != FRICTION_CODES.index(Friction.BOND)).any():
-        sentence = "a cable without bending meets only bonded contacts; give the cable 'bending' and 'twist' for frictionless ones"
-        return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
     sentence = not_built(problem, float(np.linalg.norm(load)))
     if sentence:
-        return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
-    kept = _separate(problem)
-    while True:
-        hanging = _with_bonds(problem, load, tolerance, kept, count)
-        if contacts is None or hanging.outcome is not Outcome.CONVERGED or not len(kept):
+        return nothing(problem, Outcome.UNSUPPORTED, sentence)
+    if problem.contacts is not None:
+        from .touching import solve_touching
+
+        return solve_touching(problem, load, tolerance)
+    grasps = problem.grasps
+    for first, last in pairwise(range(len(grasps.s))):
+        span, chord = grasps.s[last] - grasps.s[first], float(np.linalg.norm(grasps.position[last] - grasps.position[first]))
+        if chord > span * (1 + 1e-12) and problem.cable.stretch is None:
+            sentence = (
+                f"the points held at s = {grasps.s[first]:.4g} m and {grasps.s[last]:.4g} m are {chord:.6g} m apart, "
+                f"further than the {span:.6g} m of cable between them"
+            )
+            return nothing(problem, Outcome.UNREACHABLE, sentence)
+    if problem.start is not None:
+        mesh = from_nodes(np.array(problem.start.s), problem.cable.length, grasps.s)
+        return pieces_of(problem, load, mesh, grasps.s, grasps.position)
+    for segments in SEGMENTS:
+        hanging = pieces_of(problem, load, even(stops(problem), grasps.s, segments), grasps.s, grasps.position)
+        if hanging.sag <= tolerance:
             return hanging
-        push = np.einsum("ij,ij->i", hanging.contact_forces[kept], contacts.normal[kept])
-        if push.min() >= 0.0:
-            return hanging
-        kept = np.delete(kept, int(np.argmin(push)))
+    return replace(hanging, sentence=too_coarse(hanging.sag, tolerance))
 
 
 def not_built(problem: Problem, weight: float) -> str:
@@ -76,55 +79,17 @@ def not_built(problem: Problem, weight: float) -> str:
     return ""
 
 
-def _separate(problem: Problem) -> np.ndarray:
-    """Indices of the bonds that hold a place of their own: no second one, none where a gripper holds."""
-    if problem.contacts is None:
-        return np.zeros(0, dtype=np.int64)
-    taken, kept = list(problem.grasps.s), []
-    for index, place in enumerate(problem.contacts.s):
-        if np.abs(np.array(taken) - place).min() > 1e-9 * problem.cable.length:
-            taken.append(place)
-            kept.append(index)
-    return np.array(kept, dtype=np.int64)
+def too_coarse(sag: float, tolerance: float) -> str:
+    """What to say where no mesh is fine enough."""
+    return f"closed form; a straight segment is {sag:.2g} m from the curve, above the tolerance of {tolerance:.2g} m"
 
 
-def _with_bonds(problem: Problem, load: np.ndarray, tolerance: float, kept: np.ndarray, contact_count: int) -> Hanging:
-    grasps, contacts = problem.grasps, problem.contacts
-    s, points = grasps.s, grasps.position
-    if contacts is not None and len(kept):
-        s = np.concatenate([s, contacts.s[kept]])
-        points = np.concatenate([points, contacts.point[kept] + contacts.distance[kept, None] * contacts.normal[kept]])
+def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, points: np.ndarray) -> Hanging:
+    """Catenaries through points (k, 3) [m] at arc lengths s (k,) [m]: the grasps, then what else holds the cable.
+
+    Forces of what comes after the grasps are the first rows of `contact_forces`.
+    """
     order = np.argsort(s, kind="stable")
-    for first, last in pairwise(order):
-        span, chord = s[last] - s[first], float(np.linalg.norm(points[last] - points[first]))
-        if chord > span * (1 + 1e-12) and problem.cable.stretch is None:
-            sentence = (
-                f"the points held at s = {s[first]:.4g} m and {s[last]:.4g} m are {chord:.6g} m apart, "
-                f"further than the {span:.6g} m of cable between them"
-            )
-            return _nothing(Outcome.UNREACHABLE, sentence, even(stops(problem), grasps.s, 1), len(grasps.s), contact_count)
-    if problem.start is not None:
-        mesh = from_nodes(np.array(problem.start.s), problem.cable.length, grasps.s)
-        return _pieces(problem, load, mesh, s, points, order, kept, contact_count)
-    for segments in SEGMENTS:
-        mesh = even(stops(problem), grasps.s, segments)
-        hanging = _pieces(problem, load, mesh, s, points, order, kept, contact_count)
-        if hanging.sag <= tolerance:
-            return hanging
-    sentence = f"closed form; a straight segment is {hanging.sag:.2g} m from the curve, above the tolerance of {tolerance:.2g} m"
-    return replace(hanging, sentence=sentence)
-
-
-def _pieces(
-    problem: Problem,
-    load: np.ndarray,
-    mesh: Mesh,
-    s: np.ndarray,
-    points: np.ndarray,
-    order: np.ndarray,
-    kept: np.ndarray,
-    contact_count: int,
-) -> Hanging:
     nodes, tension, curvature = np.empty((len(mesh.s), 3)), np.empty(len(mesh.s)), np.zeros(len(mesh.s))
     forces = np.zeros((len(s), 3))
     first, last = order[0], order[-1]
@@ -148,8 +113,6 @@ def _pieces(
         forces[first] += piece.start_force
         forces[last] += piece.end_force
     grasp_count = len(problem.grasps.s)
-    contact_forces = np.zeros((contact_count, 3))
-    contact_forces[kept] = forces[grasp_count:]
     chords = np.diff(nodes, axis=0)
     tangents = chords / np.maximum(np.linalg.norm(chords, axis=1), 1e-300)[:, None]
     return Hanging(
@@ -161,25 +124,28 @@ def _pieces(
         tension=0.5 * (tension[:-1] + tension[1:]),
         curvature=curvature,
         grasp_forces=forces[:grasp_count],
-        contact_forces=contact_forces,
+        contact_forces=forces[grasp_count:],
+        contact_s=s[grasp_count:],
         energy=-float(np.vdot(load, 0.5 * mesh.lengths @ (nodes[1:] + nodes[:-1]))),
         sag=float((np.maximum(curvature[:-1], curvature[1:]) * mesh.lengths**2 / 8).max()),
     )
 
 
-def _nothing(outcome: Outcome, sentence: str, mesh: Mesh, grasp_count: int, contact_count: int) -> Hanging:
-    count = len(mesh.s)
-    frames = np.tile([0.0, 0.0, 0.0, 1.0], (count - 1, 1))
+def nothing(problem: Problem, outcome: Outcome, sentence: str) -> Hanging:
+    """No shape, and why."""
+    mesh, count = even(stops(problem), problem.grasps.s, 1), len(problem.contacts.s) if problem.contacts is not None else 0
+    nodes = len(mesh.s)
     return Hanging(
         outcome=outcome,
         sentence=sentence,
         mesh=mesh,
-        nodes=np.zeros((count, 3)),
-        frames=frames,
-        tension=np.zeros(count - 1),
-        curvature=np.zeros(count),
-        grasp_forces=np.zeros((grasp_count, 3)),
-        contact_forces=np.zeros((contact_count, 3)),
+        nodes=np.zeros((nodes, 3)),
+        frames=np.tile([0.0, 0.0, 0.0, 1.0], (nodes - 1, 1)),
+        tension=np.zeros(nodes - 1),
+        curvature=np.zeros(nodes),
+        grasp_forces=np.zeros((len(problem.grasps.s), 3)),
+        contact_forces=np.zeros((count, 3)),
+        contact_s=np.zeros(count),
         energy=0.0,
         sag=math.inf,
     )

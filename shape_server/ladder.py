@@ -94,6 +94,7 @@ class Rung:
     curvature: np.ndarray  # (n,) 1/m
     wrenches: np.ndarray  # (g, 6)
     contact_forces: np.ndarray  # (m, 3) N
+    contact_s: np.ndarray  # (m,) m
     energy: float  # J
     error: float  # m
     error_tension: float | None  # N, None where it is not known
@@ -111,7 +112,7 @@ def answer(problem: Problem, used: tuple[str, ...], rung: Rung, model: Model, se
         grasp_wrenches=rung.wrenches,
         contact_forces=rung.contact_forces,
         contact_moments=np.zeros_like(rung.contact_forces),
-        contact_s=problem.contacts.s if problem.contacts is not None else np.zeros(0),
+        contact_s=rung.contact_s,
         outcome=Outcome.CONVERGED,
         sentence=sentence,
         model=model.value,
@@ -147,6 +148,7 @@ def catenary_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
         curvature=hanging.curvature,
         wrenches=wrenches,
         contact_forces=hanging.contact_forces,
+        contact_s=hanging.contact_s,
         energy=hanging.energy,
         error=hanging.sag,
         error_tension=0.0 if not layer else None,
@@ -177,6 +179,7 @@ def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: 
         curvature=np.zeros(len(mesh.s)),
         wrenches=np.hstack([[line.start_force, line.end_force], np.zeros((2, 3))]),
         contact_forces=np.zeros((0, 3)),
+        contact_s=np.zeros(0),
         energy=-float(np.vdot(cable.mass_per_length * np.asarray(gravity), 0.5 * mesh.lengths @ (line.nodes[1:] + line.nodes[:-1]))),
         error=0.0,
         error_tension=line.tension_error if cable.bending is None else None,
@@ -219,6 +222,7 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
         curvature=np.abs(laid.curvature),
         wrenches=wrenches,
         contact_forces=np.zeros((0, 3)),
+        contact_s=np.zeros(0),
         energy=_bending_energy(cable.bending, cable.micro_length or 0.0, laid.curvature, mesh)
         - float(np.vdot(load, 0.5 * mesh.lengths @ (laid.nodes[1:] + laid.nodes[:-1]))),
         error=laid.error + sag,

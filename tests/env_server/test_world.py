@@ -144,7 +144,7 @@ def test_torques_vanish_without_gravity_and_load() -> None:
 def test_solids_have_a_pose_each_and_few_triangles(world: World) -> None:
     solids = world.solids()
     links = ROBOT.link_poses(ROBOT.home)
-    poses = world.poses(links)
+    poses = world.poses(links, world.body_poses)
     assert poses.shape == (len(solids), 7)
     assert [solid.name for solid in solids][-2:] == ["dashboard", "beam"]
     for solid, pose in zip(solids[:-2], poses, strict=False):

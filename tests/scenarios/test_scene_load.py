@@ -100,7 +100,7 @@ BAD = [  # what is replaced, by what, and the sentence after the file's name
     ),
     ('"part.stl"', "7", "17: bodies[0].mesh: 7 is not a text; give a text in quotes"),
     ('mesh = "part.stl"', 'generate = "wing"', "17: bodies[0].generate: 'wing' unknown; there are 'dashboard', 'beam'"),
-    ('mesh = "part.stl"', "", "15: bodies[0]: 'part' needs either 'generate' or 'mesh', one of the two"),
+    ('mesh = "part.stl"', "", "15: bodies[0]: 'part' needs either 'generate', 'mesh' or 'shape', one of the three"),
     ('"dual_panda"', '"r2d2"', "13: robot.model: 'r2d2' unknown; there is 'dual_panda', or give a .urdf file"),
     ("at = 1.2", "at = 1.3", "30: grippers[1].at: 1.3 m lies beyond the end of cable 'trunk'; give 0 to 1.2 m"),
     ("at = 1.2", "at = 0", "20: grippers: 'left' and 'right' hold cable 'trunk' at the same 0 m; hold it at two places"),

@@ -56,7 +56,7 @@ def test_a_bond_out_of_reach_is_answered_with_both_places() -> None:
 @pytest.mark.parametrize(
     ("problem", "gravity", "word"),
     [
-        (Problem(cable=SOFT, grasps=span(), contacts=contacts(Row(s=0.5, point=(0.3, 0.0, -0.1)))), GRAVITY, "bonded"),
+        (Problem(cable=SOFT, grasps=span(), contacts=contacts(Row(s=0.5, point=(0.3, 0.0, -0.1)))), GRAVITY, "faces only with a bond"),
         (Problem(cable=SOFT, grasps=span()), WEIGHTLESS, "weight"),
         (Problem(cable=cable(bending=None, mass=0.0), grasps=span()), GRAVITY, "weight"),
     ],

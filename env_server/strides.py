@@ -1,0 +1,78 @@
+"""How far a step may go without passing through a body: conservative advancement.
+
+Let d be the distance of a segment of the cable to the nearest surface, and let no point of that surface move further than b, and no
+point of the segment further than c, in a step. While b + c < d nothing can have been passed, whatever way both took. The rigid
+motion is known before the cable is asked about: b of a pose that shifts by x and turns by an angle a about its origin is
+|x| + a R, with R the distance of the furthest point from that origin. A surface that is too far away to come within reach of
+the cable during its step does not count.
+
+Source: Mirtich 1996, "Impulse-based dynamic simulation of rigid body systems", chapter 2 (conservative advancement).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from .hanging import Hanging
+from .poses import moves
+from .stage import Posture, Stage
+
+SHARE: Final = 0.8  # of the distance to a body that its own motion may take up
+LEAST: Final = 0.2  # of the radius; a body nearer than that has been let in, and no shorter step keeps it out
+HALVINGS_MOST: Final = 14  # of a time step, for the motion of bodies
+
+
+class Rigid(NamedTuple):
+    """How far at most any point of what may come within reach has moved [m]."""
+
+    bodies: float
+    links: float
+
+
+def rigid_motion(stage: Stage, at: Posture, goal: Posture, cables: Sequence[Hanging]) -> Rigid:
+    """Motion of the bodies and of the robot's links that are near enough to matter.
+
+    Args:
+        stage: The rigid side of the scene.
+        at: Posture for which the clearances of the cables hold.
+        goal: Posture that is gone to.
+        cables: With their shapes and clearances.
+    """
+    far = moves(at.surfaces, goal.surfaces, stage.extents)
+    if not far.any():
+        return Rigid(0.0, 0.0)
+    nodes = np.vstack([cable.shape.nodes for cable in cables])
+    low, high, count = nodes.min(axis=0), nodes.max(axis=0), stage.body_count
+    centre = at.surfaces[:, :3]
+    apart = np.linalg.norm(np.maximum(np.maximum(low - centre, centre - high), 0.0), axis=1) - stage.extents
+    # Clearances are known up to how far was looked: a surface that stays beyond all of them changes none.
+    known = [max(float(part.clearance.max()) for part in parts) for parts in zip(*((c.bodies, c.links) for c in cables), strict=True)]
+    near = np.where(apart - far < np.where(np.arange(len(far)) < count, *known), far, 0.0)
+    return Rigid(float(near[:count].max(initial=0.0)), float(near[count:].max(initial=0.0)))
+
+
+def outruns(rigid: Rigid, cables: Sequence[Hanging]) -> bool:
+    """Whether the bodies alone may reach the axis of a cable on their way."""
+    if rigid == (0.0, 0.0):
+        return False
+    return any(
+        motion > SHARE * max(float(clearance.min()), LEAST * cable.boundary.radius)
+        for cable in cables
+        for motion, clearance in ((rigid.bodies, cable.bodies.clearance), (rigid.links, cable.links.clearance))
+        if motion > 0.0
+    )
+
+
+def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging]) -> tuple[float, float]:
+    """Share of the way that surely passes no body, at most 1, and how far the furthest node goes [m]."""
+    farthest, share = 0.0, 1.0
+    for before, after in zip(was, now, strict=True):
+        node = np.linalg.norm(after.shape.nodes - before.shape.nodes, axis=1)
+        segment = np.maximum(np.maximum(node[1:], node[:-1]), 1e-12)
+        farthest = max(farthest, float(node.max()))
+        for clearance, motion in ((before.bodies.clearance, rigid.bodies), (before.links.clearance, rigid.links)):
+            share = min(share, float(((clearance - motion) / segment).min()))
+    return share, farthest

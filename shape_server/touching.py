@@ -1,0 +1,221 @@
+"""What a cable without bending touches: which bonds hold, which contacts push, and the shape between them.
+
+A bond is a point that holds the cable; one that would pull it towards its body is dropped, the hardest pulling first. A point or an
+edge without friction is slid over (`draped`); it is taken up where the cable would pass through it, and let go where it would
+pull. Contacts about one point or edge are one contact, whose push the two rows beside the bend share along their own
+normals, as each piece of the cable is pushed where it is tangent to the feature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from protocol.kinds import FRICTION_CODES, Friction, Outcome
+from protocol.messages import Contacts, Problem
+
+from .draped import PASSED, Draped, Hold, Slide, drape, gap, slides_of
+from .effects.contact import grouped
+from .hanging import SEGMENTS, Hanging, nothing, pieces_of, too_coarse
+from .mesh import Mesh, even, from_nodes, stops
+
+CHANGES_MAX: Final = 60  # of what holds the cable
+NEAR: Final = 1.5  # distances from a bond within which a point or an edge is what it is bonded to
+
+
+@dataclass
+class _Held:
+    """What holds a cable besides its grippers, while that is being found out."""
+
+    bonds: list[int]  # rows
+    sliding: list[Slide]
+    open: list[Slide]
+    let_go: set[int] = field(default_factory=set)  # first rows of contacts that would have pulled
+
+
+def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hanging:
+    """The catenaries of a cable without bending that touches, or may touch.
+
+    A place on a face without friction is answered as unsupported if the cable would pass through it.
+    """
+    contacts = problem.contacts
+    assert contacts is not None
+    is_bond = contacts.friction == FRICTION_CODES.index(Friction.BOND)
+    held = _Held(_separate(problem, is_bond), [], [])
+    groups = grouped(contacts, np.flatnonzero(~is_bond))
+    found = [slides_of(contacts, groups.chosen[own].tolist()) for own in groups.features]
+    for slide in found:
+        (held.sliding if (contacts.force[slide.rows] != 0.0).any() else held.open).append(slide)
+    for _ in range(CHANGES_MAX):
+        draped = drape(_holds(problem, held.bonds), [s for s in held.sliding if not _is_bonded(s, problem, held.bonds)], problem, load)
+        if isinstance(draped, str):
+            return nothing(problem, Outcome.UNREACHABLE, draped)
+        if _let_go(problem, held, draped):
+            continue
+        hanging = _shape(problem, load, tolerance, held, draped)
+        if not _take_up(problem, held, hanging):
+            return _checked(problem, hanging, draped, groups.chosen[groups.faces], tolerance)
+    return nothing(problem, Outcome.NOT_CONVERGED, f"its contacts do not settle within {CHANGES_MAX} changes")
+
+
+def _separate(problem: Problem, is_bond: np.ndarray) -> list[int]:
+    """Rows of the bonds that hold a place of their own: no second one, none where a gripper holds."""
+    contacts, taken, kept = problem.contacts, list(problem.grasps.s), []
+    assert contacts is not None
+    for index in np.flatnonzero(is_bond).tolist():
+        if np.abs(np.array(taken) - contacts.s[index]).min() > 1e-9 * problem.cable.length:
+            taken.append(contacts.s[index])
+            kept.append(index)
+    return kept
+
+
+def _bond_place(contacts: Contacts, row: int) -> np.ndarray:
+    place: np.ndarray = contacts.point[row] + contacts.distance[row] * contacts.normal[row]
+    return place
+
+
+def _holds(problem: Problem, bonds: list[int]) -> list[Hold]:
+    grasps, contacts = problem.grasps, problem.contacts
+    assert contacts is not None
+    holds = [Hold(float(s), place) for s, place in zip(grasps.s, grasps.position, strict=True)]
+    holds += [Hold(float(contacts.s[row]), _bond_place(contacts, row)) for row in bonds]
+    return sorted(holds, key=lambda hold: hold.s)
+
+
+def _is_bonded(slide: Slide, problem: Problem, bonds: list[int]) -> bool:
+    """Whether the cable is bonded to that very point or edge."""
+    assert problem.contacts is not None
+    for row in bonds:
+        away = _bond_place(problem.contacts, row) - slide.point
+        away = away - (away @ slide.direction) * slide.direction
+        if np.linalg.norm(away) < NEAR * slide.distance:
+            return True
+    return False
+
+
+def _let_go(problem: Problem, held: _Held, draped: Draped) -> bool:
+    """Drop what pulls hardest; whether anything does."""
+    contacts, worst, pull = problem.contacts, None, 0.0
+    assert contacts is not None
+    bonds = {float(contacts.s[row]): row for row in held.bonds}
+    for index, stop in enumerate(draped.stops[1:-1], start=1):
+        if isinstance(stop, Slide):
+            push = float(draped.push(index) @ stop.normal)
+        elif stop.s in bonds:
+            push = float(draped.push(index) @ contacts.normal[bonds[stop.s]])
+        else:
+            continue
+        if push < pull:
+            worst, pull = stop, push
+    if worst is None:
+        return False
+    if isinstance(worst, Slide):
+        held.let_go.add(int(worst.rows[0]))
+        held.sliding = [slide for slide in held.sliding if slide.rows is not worst.rows]
+    else:
+        held.bonds.remove(bonds[worst.s])
+    return True
+
+
+def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, draped: Draped) -> Hanging:
+    """The shape on nodes, with one at every bend; forces and places by the rows of the request."""
+    contacts, grasps = problem.contacts, problem.grasps
+    assert contacts is not None
+    slides = [(index, stop) for index, stop in enumerate(draped.stops) if isinstance(stop, Slide)]
+    s = np.concatenate([grasps.s, contacts.s[held.bonds], [slide.s for _, slide in slides]])
+    points = np.vstack([grasps.position, *(_bond_place(contacts, row) for row in held.bonds), *(slide.place for _, slide in slides)])
+    for mesh in _meshes(problem):
+        hanging = pieces_of(problem, load, _with_nodes_at(mesh, s[len(grasps.s) :]), s, points)
+        if hanging.sag <= tolerance:
+            break
+    forces, places = np.zeros((len(contacts.s), 3)), contacts.s.copy()
+    forces[held.bonds] = hanging.contact_forces[: len(held.bonds)]
+    for index, slide in slides:
+        places[slide.rows] = slide.s
+        _share(slide, draped, index, contacts, forces)
+    sentence = "closed form" if hanging.sag <= tolerance else too_coarse(hanging.sag, tolerance)
+    return replace(hanging, contact_forces=forces, contact_s=places, sentence=sentence)
+
+
+def _share(slide: Slide, draped: Draped, stop: int, contacts: Contacts, forces: np.ndarray) -> None:
+    """The push of a bend, along the normals of both pieces, on the rows beside it; on one row if there is one."""
+    force = draped.push(stop)
+    before = slide.rows[contacts.s[slide.rows] <= slide.s]
+    after = slide.rows[contacts.s[slide.rows] > slide.s]
+    tangents = [draped.pieces[stop - 1].end_force, draped.pieces[stop].start_force]
+    normals = []
+    for tangent in tangents:
+        normal = force - (force @ tangent) / max(float(tangent @ tangent), 1e-300) * tangent
+        normals.append(normal / max(float(np.linalg.norm(normal)), 1e-300))
+    nearest = [own[np.argmin(np.abs(contacts.s[own] - slide.s))] if len(own) else -1 for own in (before, after)]
+    if min(nearest) < 0:
+        forces[max(nearest)] = force
+        return
+    both = normals[0] + normals[1]
+    size = float(force @ both) / float(both @ both)
+    forces[nearest[0]] = size * normals[0]
+    forces[nearest[1]] = force - size * normals[0]
+
+
+def _meshes(problem: Problem) -> list[Mesh]:
+    """Meshes to try in turn: that of the start, or ever finer ones."""
+    grasps, length = problem.grasps.s, problem.cable.length
+    if problem.start is None:
+        return [even(stops(problem), grasps, segments) for segments in SEGMENTS]
+    # Nodes that earlier contacts moved go back to where they belong.
+    mesh = even(stops(problem), grasps, len(problem.start.s) - 1)
+    return [mesh if len(mesh.s) == len(problem.start.s) else from_nodes(np.array(problem.start.s), length, grasps)]
+
+
+def _with_nodes_at(mesh: Mesh, places: np.ndarray) -> Mesh:
+    """The mesh with the node nearest to each place moved there; held points and ends stay."""
+    s, free = mesh.s.copy(), np.ones(len(mesh.s), dtype=bool)
+    free[[0, -1, *mesh.grasp_nodes.tolist()]] = False
+    for place in np.sort(places):
+        away = np.where(free, np.abs(mesh.s - place), np.inf)
+        node = int(np.argmin(away))
+        if s[node - 1] < place < s[node + 1]:
+            s[node], free[node] = place, False
+    return Mesh(s=s, lengths=np.diff(s), grasp_nodes=mesh.grasp_nodes)
+
+
+def _take_up(problem: Problem, held: _Held, hanging: Hanging) -> bool:
+    """Take up the contact that the cable passes through most; whether there is one."""
+    best, worst, where = -PASSED, None, 0.0
+    for slide in held.open:
+        if int(slide.rows[0]) in held.let_go or _is_bonded(slide, problem, held.bonds):
+            continue
+        size, place = gap(slide, hanging.nodes, hanging.mesh.s, 2.0 * float(hanging.mesh.lengths.max()))
+        if size < best:
+            best, worst, where = size, slide, place
+    if worst is None:
+        return False
+    held.open = [slide for slide in held.open if slide.rows is not worst.rows]
+    held.sliding.append(replace(worst, s=where))
+    return True
+
+
+def _checked(problem: Problem, hanging: Hanging, draped: Draped, faces: np.ndarray, tolerance: float) -> Hanging:
+    """The shape, unless it needs what is not built: to lie on a face, or to wind around something thick."""
+    contacts = problem.contacts
+    assert contacts is not None
+    for row in faces.tolist():
+        at = np.array([np.interp(contacts.s[row], hanging.mesh.s, hanging.nodes[:, k]) for k in range(3)])
+        if (at - contacts.point[row]) @ contacts.normal[row] < contacts.distance[row] - PASSED:
+            sentence = "a cable without bending meets points and edges, and faces only with a bond; give it 'bending' and 'twist'"
+            return nothing(problem, Outcome.UNSUPPORTED, sentence)
+    wound = 0.0
+    for index, stop in enumerate(draped.stops[1:-1], start=1):
+        if isinstance(stop, Slide):
+            tension = 0.5 * (draped.pieces[index - 1].tension[-1] + draped.pieces[index].tension[0])
+            half = float(np.arcsin(min(0.5 * np.linalg.norm(draped.push(index)) / max(tension, 1e-300), 1.0)))
+            wound += stop.distance * 2.0 * (np.tan(min(half, 1.5)) - half)
+    if wound > tolerance:
+        sentence = (
+            f"the cable winds around what it touches, which a cable without bending does in a sharp bend, {wound:.2g} m off; "
+            "give it 'bending' and 'twist', or a tolerance above that"
+        )
+        return nothing(problem, Outcome.UNSUPPORTED, sentence)
+    return replace(hanging, sag=hanging.sag + wound)
