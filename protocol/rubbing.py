@@ -12,11 +12,10 @@ import numpy as np
 
 from .checks import CONTACTS_MAX, EXTENT_MAX, HUGE, check_count, check_floats, check_integers
 from .errors import MessageError
+from .friction import COEFFICIENT_MAX, TABLE_MAX
 from .part import Part
 
 LAWS_MAX: Final = 1000
-TABLE_MAX: Final = 100  # speeds or normal forces in one table
-COEFFICIENT_MAX: Final = 100.0
 TIME_STEP_MAX: Final = 1e6  # s
 
 
@@ -26,20 +25,20 @@ class FrictionTable(Part, frozen=True):
     Beyond the last speed it stays as it is; below the first normal force it falls to zero with it, beyond the last it goes on as before.
     """
 
-    speed: np.ndarray  # (k,) m/s, from 0, strictly increasing
-    normal: np.ndarray  # (q,) N, positive, strictly increasing
-    force: np.ndarray  # (k, q) N, 0 or more
+    speeds: np.ndarray  # (k,) m/s, from 0, strictly increasing
+    normals: np.ndarray  # (q,) N, positive, strictly increasing
+    forces: np.ndarray  # (k, q) N, 0 or more
 
     def __post_init__(self) -> None:
         """Check shapes, ranges and order."""
-        for name, values in (("speed", self.speed), ("normal", self.normal)):
+        for name, values in (("speeds", self.speeds), ("normals", self.normals)):
             if not 0 < len(values) <= TABLE_MAX:
                 raise MessageError(f"table.{name}: {len(values)} entries must be 1 to {TABLE_MAX}", key=f"table.{name}")
             check_floats(f"table.{name}", values, (len(values),), HUGE)
             if (np.diff(values) <= 0.0).any():
                 raise MessageError(f"table.{name}: must grow strictly", key=f"table.{name}")
-        check_floats("table.force", self.force, (len(self.speed), len(self.normal)), HUGE)
-        if self.speed[0] != 0.0 or self.normal[0] <= 0.0 or self.force.min() < 0.0:
+        check_floats("table.forces", self.forces, (len(self.speeds), len(self.normals)), HUGE)
+        if self.speeds[0] != 0.0 or self.normals[0] <= 0.0 or self.forces.min() < 0.0:
             raise MessageError("table: speeds begin at 0, normal forces are positive, and forces are 0 or more", key="table")
 
 

@@ -23,6 +23,7 @@ from .cable import Unit as Unit
 from .cable import Vector as Vector
 from .cable import cable_mistakes, reaches_any_distance
 from .errors import SceneError
+from .friction import COEFFICIENT_MAX, friction_mistakes
 from .kinds import Friction, Hold
 
 Quaternion = tuple[float, float, float, float]  # (x, y, z, w)
@@ -58,6 +59,10 @@ class Body:
     position: Metres = (0.0, 0.0, 0.0)
     quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
     friction: Friction = Friction.NONE
+    friction_coefficient: Annotated[float, Ge(0), Le(COEFFICIENT_MAX)] | None = None  # mu, of "regularized" and "signum"
+    friction_speed: Annotated[Positive, Unit("m/s")] | None = None  # v0 of "regularized"
+    friction_table: tuple[tuple[float, ...], ...] = ()  # of "defined": speed in m/s, then the coefficient, or forces in N
+    friction_normals: tuple[float, ...] = ()  # N, normal forces that the forces of the table belong to; without: coefficients
 
 
 @dataclass(frozen=True)
@@ -155,6 +160,8 @@ def check_scene(scene: Scene) -> None:
         _check_gripper(f"grippers[{index}]", gripper, cables, scene.robot)
     for index, body in enumerate(scene.bodies):
         _check_quaternion(f"bodies[{index}].quaternion", body.quaternion)
+        for name, sentence in friction_mistakes(body):
+            raise SceneError(f"bodies[{index}].{sentence}", key=f"bodies[{index}].{name}")
         if (body.generate is None) == (body.mesh is None):
             raise SceneError(f"bodies[{index}]: '{body.name}' needs either 'generate' or 'mesh', one of the two", key=f"bodies[{index}]")
     for index, move in enumerate(scene.moves):

@@ -64,7 +64,7 @@ def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, p
             factorisations=price.iterations,
             path="numpy" if task.path is numpy_path else "numba",
         ),
-        rubbed=rubbed(task.problem, system, found, reading.contact_s),
+        rubbed=rubbed(task.problem, system, found, reading.contact_s, task.path),
     )
 
 

@@ -40,14 +40,14 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
     """The catenaries of a cable without bending.
 
     Bonded contacts are points that hold the cable; one that would pull it towards its body is dropped, the hardest
-    pulling first. Frictionless contacts are not built for this model, and answered as unsupported.
+    pulling first. Other contacts are not built for this model, and answered as unsupported.
     """
     grasps, contacts = problem.grasps, problem.contacts
     load = problem.cable.mass_per_length * np.asarray(gravity)
     empty = even(stops(problem), grasps.s, 1)
     count = 0 if contacts is None else len(contacts.s)
     if contacts is not None and (contacts.friction != FRICTION_CODES.index(Friction.BOND)).any():
-        sentence = "a cable without bending meets only bonded contacts; give the cable 'bending' and 'twist' for frictionless ones"
+        sentence = "a cable without bending meets only bonded contacts; give the cable 'bending' and 'twist' for others"
         return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
     sentence = not_built(problem, float(np.linalg.norm(load)))
     if sentence:

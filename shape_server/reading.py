@@ -13,7 +13,6 @@ from protocol.messages import Problem, Rubbed
 from . import effects
 from .balance import balanced, cross_sum
 from .border import SOFTNESS
-from .drag import drag_limit, normal_forces
 from .equilibrium import Settled
 from .system import System
 
@@ -84,7 +83,7 @@ def _contact_moments(system: System, found: Settled, count: int) -> Array:
     return out
 
 
-def rubbed(problem: Problem, system: System, found: Settled, contact_s: Array) -> Rubbed | None:
+def rubbed(problem: Problem, system: System, found: Settled, contact_s: Array, path: ModuleType) -> Rubbed | None:
     """Where the contacts with friction are held from now on; None without any.
 
     What slides is held where it is, less the way by which its spring gives way under the force that it bears at rest.
@@ -93,8 +92,8 @@ def rubbed(problem: Problem, system: System, found: Settled, contact_s: Array) -
     if contacts is None or contacts.rubbing is None:
         return None
     friction = effects.load("friction")
-    rub, normal = rod.rub, normal_forces.py_func(rod, state.push)
-    rest = np.array([drag_limit.py_func(rub, k, 0.0, normal[k])[0] for k in range(len(normal))])
+    rub, normal = rod.rub, path.normal_forces(rod, state.push)
+    rest = np.array([path.drag_limit(rub, k, 0.0, normal[k])[0] for k in range(len(normal))])
     size = np.linalg.norm(state.drag, axis=1)
     share = SOFTNESS / rod.force_scale * np.minimum(1.0, rest / np.where(size > 0.0, size, 1.0))
     lag = share[:, None] * np.einsum("fa,fax->fx", state.drag, rub.axes)

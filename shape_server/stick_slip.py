@@ -28,17 +28,15 @@ from .symmetric import solve_symmetric
 ROUNDS_MAX = 100
 LAW_DONE = 1e-9  # of the force, by which a sliding contact may miss its law
 SLACK = 1e-9  # of the force at rest, within which a contact may as well stick
-REST = 1e-3  # of the slip that the compliance allows under the typical force; less than this is none
 
 
 @njit(cache=True, error_model="numpy")
-def close_rubbing(rod, state, view, matrix, right, held, contacts, hard):  # type: ignore[no-untyped-def]
+def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ignore[no-untyped-def]
     """Change of the force of every row: held points, contacts, curvature, then two of every contact that rubs.
 
     Args:
         rod: The system.
         state: Forces now acting.
-        view: Of that state.
         matrix: (count, count) S.
         right: (count,) r.
         held: How many rows of held points there are.
@@ -64,7 +62,7 @@ def close_rubbing(rod, state, view, matrix, right, held, contacts, hard):  # typ
         own = own - coupling @ np.ascontiguousarray(solved[:, : len(free)])
         rest = rest - coupling @ np.ascontiguousarray(solved[:, len(free)])
     acting = np.concatenate((state.push[contacts], state.drag.reshape(-1)))
-    force, sticks = stick_slip(own, rest + own @ acting, rod.rub_of, rod.rub, view.slip, hard, acting)
+    force, sticks = stick_slip(own, rest + own @ acting, rod.rub_of, rod.rub, hard, acting)
     closed = force[:many] > 0.0
     change = np.zeros(count)
     change[free] = force - acting
@@ -79,7 +77,7 @@ def close_rubbing(rod, state, view, matrix, right, held, contacts, hard):  # typ
 
 
 @njit(cache=True, error_model="numpy")
-def stick_slip(matrix, right, rub_of, rub, slip, hard, start):  # type: ignore[no-untyped-def]
+def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-untyped-def]
     """Forces (m + 2f,) that keep every contact's law, and which contacts that rub stick (f,); as near as it came, if it did not end.
 
     Args:
@@ -87,17 +85,13 @@ def stick_slip(matrix, right, rub_of, rub, slip, hard, start):  # type: ignore[n
         right: (m + 2f,) [m] What they are less of without any.
         rub_of: (m,) Which contact that rubs each contact row belongs to, -1 for none.
         rub: Laws of the contacts that rub.
-        slip: (f, 2) [m] Now, where the laws are linearised first.
         hard: [m/N] Compliance of what sticks.
         start: (m + 2f,) [N] Forces now.
     """
     many, rubs = len(rub_of), len(rub.element)
-    force, at, closed = start.copy(), slip.copy(), start[:many] > 0.0
+    force, closed, turned = start.copy(), start[:many] > 0.0, np.zeros(rubs, dtype=np.bool_)
     normal = _normals(force, rub_of, rubs)
-    sticks = np.empty(rubs, dtype=np.bool_)
-    for k in range(rubs):
-        rest = max(drag_limit(rub, k, 0.0, normal[k])[0], REST * 1e-7 / hard)
-        sticks[k] = sticks_at_rest(rub, k) and _size(slip[k, 0], slip[k, 1]) <= (1.0 + SLACK) * hard * rest
+    at, sticks = _guess(matrix @ start - right, force, rub, hard, normal, many)
     fewest, patience, tolerance = many + rubs + 1, PATIENCE, 1e-12 * np.abs(right).max()
     for _ in range(ROUNDS_MAX):
         force = _solved(matrix, right, rub_of, rub, at, hard, closed, sticks, normal)
@@ -107,7 +101,9 @@ def stick_slip(matrix, right, rub_of, rub, slip, hard, start):  # type: ignore[n
         normal = _normals(force, rub_of, rubs)
         wrong = np.zeros(many + rubs, dtype=np.bool_)
         wrong[:many] = (closed & (force[:many] < 0.0)) | (~closed & (gap[:many] < -tolerance))
-        is_done = _judge(force, gap, rub, at, hard, sticks, normal, wrong, many)
+        is_done = _judge(force, gap, rub, at, hard, sticks, turned, _touching(closed, rub_of, rubs), normal, wrong, many)
+        if wrong[many:].any():  # what sticks against a pull brings absurd normal forces, which are not to open contacts
+            wrong[:many] = False
         offending = np.flatnonzero(wrong)
         if len(offending) == 0 and is_done:
             break
@@ -148,11 +144,43 @@ def _normals(force, rub_of, rubs):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _judge(force, gap, rub, at, hard, sticks, normal, wrong, many):  # type: ignore[no-untyped-def]
-    """Mark in `wrong` the contacts that neither stick nor slide as they should, move `at` on; whether all that slide keep their law."""
+def _guess(gap, force, rub, hard, normal, many):  # type: ignore[no-untyped-def]
+    """Slips (f, 2) at which the laws are linearised first, and what sticks at first (f,): from the forces now acting.
+
+    A contact goes on as its force says. How far its point is from its anchor says little here, for held points have moved and the cable
+    has not followed yet; only without a force the slip counts that the forces now acting would bring.
+    """
+    at, sticks = np.empty((len(normal), 2)), np.empty(len(normal), dtype=np.bool_)
+    for k in range(len(normal)):
+        row = many + 2 * k
+        f0, f1 = force[row], force[row + 1]
+        size, rest = _size(f0, f1), drag_limit(rub, k, 0.0, normal[k])[0]
+        sticks[k] = sticks_at_rest(rub, k) and size <= (1.0 - SLACK) * rest
+        at[k, 0], at[k, 1] = gap[row] - hard * f0, gap[row + 1] - hard * f1
+        if rest > 0.0 and size > 0.0:
+            at[k, 0], at[k, 1] = -hard * rest * f0 / size, -hard * rest * f1 / size
+    return at, sticks
+
+
+@njit(cache=True, error_model="numpy")
+def _touching(closed, rub_of, rubs):  # type: ignore[no-untyped-def]
+    """Contacts that rub (f,) with a row that is closed."""
+    out = np.zeros(rubs, dtype=np.bool_)
+    for row in range(len(closed)):
+        if closed[row] and rub_of[row] >= 0:
+            out[rub_of[row]] = True
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(force, gap, rub, at, hard, sticks, turned, touching, normal, wrong, many):  # type: ignore[no-untyped-def]
+    """Mark in `wrong` the contacts that neither stick nor slide as they should, move `at` on; whether all that slide keep their law.
+
+    What slides the other way than was thought does so from now on, and only if it turns once more it is to stick.
+    """
     is_done = True
     for k in range(len(sticks)):
-        if not normal[k] > 0.0:
+        if not touching[k]:
             continue
         row = many + 2 * k
         f0, f1 = force[row], force[row + 1]
@@ -163,14 +191,15 @@ def _judge(force, gap, rub, at, hard, sticks, normal, wrong, many):  # type: ign
         u0, u1 = gap[row] - hard * f0, gap[row + 1] - hard * f1
         size = _size(u0, u1)
         is_reversed = u0 * at[k, 0] + u1 * at[k, 1] < 0.0
-        if rest > 0.0 and (is_reversed or size < (1.0 - SLACK) * hard * rest):
+        if rest > 0.0 and ((is_reversed and turned[k]) or size < (1.0 - SLACK) * hard * rest):
             wrong[many + k] = True
             continue
+        turned[k] |= is_reversed
         limit = drag_limit(rub, k, size / rub.time_step, normal[k])[0]
         share = limit / max(size, 1e-300)
         is_done &= _size(f0 + share * u0, f1 + share * u1) <= LAW_DONE * (limit + _size(f0, f1))
         # A law that rises steeply from zero is approached from there, where it is steepest: without going back and forth.
-        at[k, 0], at[k, 1] = (0.0, 0.0) if is_reversed else (u0, u1)
+        at[k, 0], at[k, 1] = (0.0, 0.0) if is_reversed and rest == 0.0 else (u0, u1)
     return is_done
 
 

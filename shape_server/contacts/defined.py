@@ -21,4 +21,4 @@ def numbers(law: FrictionLaw) -> Numbers:
     """
     if law.table is None:
         raise MessageError("table: defined friction needs a table of speeds, normal forces and forces", key="table")
-    return Numbers(0.0, 0.0, (law.table.speed, law.table.normal, law.table.force))
+    return Numbers(0.0, 0.0, (law.table.speeds, law.table.normals, law.table.forces))

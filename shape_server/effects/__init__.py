@@ -32,11 +32,14 @@ ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
     "preform": lambda problem, _: _has(problem.cable, "natural_curvature"),
     "micro_length": lambda problem, _: problem.cable.micro_length is not None,
     "stretch": lambda problem, _: problem.cable.stretch is not None,
-    "contact": lambda problem, _: _has_contact(problem, Friction.NONE) or _rubs(problem),
-    "friction": lambda problem, _: _rubs(problem),
+    "contact": lambda problem, _: _has_contact(problem, Friction.NONE) or rubs(problem),
+    "friction": lambda problem, _: rubs(problem),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),
 }
 """Every effect and the question whether a problem asks for it; the key is the name of its file."""
+
+
+WITH_FRICTION: Final = "for contacts with friction, whose answer depends on the path taken; give them 'none' or 'bond', or use solve()"
 
 
 def asked_for(problem: Problem, gravity: Vector) -> tuple[str, ...]:
@@ -53,7 +56,8 @@ def _has_contact(problem: Problem, friction: Friction) -> bool:
     return problem.contacts is not None and bool((problem.contacts.friction == FRICTION_CODES.index(friction)).any())
 
 
-def _rubs(problem: Problem) -> bool:
+def rubs(problem: Problem) -> bool:
+    """Whether a contact has a kind of friction whose force depends on how far it slides."""
     return problem.contacts is not None and problem.contacts.rubbing is not None and len(problem.contacts.rubbing.contact) > 0
 
 

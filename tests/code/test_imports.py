@@ -86,7 +86,7 @@ def test_a_foreign_library_stays_in_its_rooms(library: str) -> None:
 
 
 def test_programs_make_changed_copies_of_messages_and_know_nothing_else_of_the_codec() -> None:
-    assert importers("msgspec", "protocol") == {"protocol/codec.py", "protocol/messages.py", "protocol/parts.py", "protocol/scene_file.py"}
+    assert importers("msgspec", "protocol") == {"protocol/codec.py", "protocol/messages.py", "protocol/part.py", "protocol/scene_file.py"}
     for path in importers("msgspec", *PROGRAMS):
         used = {ast.unparse(node) for node in ast.walk(tree(Path(path))) if isinstance(node, ast.Attribute)}
         assert {name for name in used if name.startswith("msgspec")} == {"msgspec.structs", "msgspec.structs.replace"}, path

@@ -163,7 +163,8 @@ OPTIONAL = {
     ("Hello", "project"), ("Welcome", "project"), ("Welcome", "nodes_max"), ("Welcome", "contacts_max"), ("Welcome", "kernels"),
     ("Welcome", "scene_hash"), ("Error", "key"), ("StartRun", "recorders"), ("ShapeRequest", "contacts"), ("ShapeRequest", "start"),
     ("ShapeRequest", "loads"), ("ShapeRequest", "model"), ("ShapeRequest", "turns"), ("ShapeRequest", "branch"),
-    ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
+    ("ShapeRequest", "coefficient"), ("ShapeRequest", "speed"), ("ShapeRequest", "table"),
+    ("ShapeReply", "rubbed"), ("Frame", "rubbed"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
 
