@@ -5,7 +5,8 @@ body with friction `none` (F_0) that is all. On a body with friction `bond` (F_i
 the step has settled: from then on the touched point of the cable stays at the touched point of the body, until it would
 have to pull (the server drops it), or until the cable between it and the next fixed point is taut: then material is drawn
 through so that this part stays straight (the distance criterion, 3.2). Which contacts exist is a matter of the path taken
-(the motion criterion, 3.3); nothing else is remembered.
+(the motion criterion, 3.3); nothing else is remembered. On a body with friction of another kind a row also says where it was held
+(`anchors`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from protocol.kinds import FRICTION_CODES, Friction
 from protocol.messages import Contacts, Grasps, Shape
 
+from . import anchors
 from .poses import inside, outside, turn_inside, turn_outside
 from .touch import Candidates
 
@@ -75,14 +77,17 @@ class Boundary:
     bonding: np.ndarray  # (surfaces,) bool, whose friction is `bond`
     bonds: tuple[Bond, ...] = ()
     pushes: Pushes = NO_PUSHES
+    laws: anchors.Laws | None = None  # of friction; None where no body rubs
+    anchors: anchors.Anchors | None = None  # of the last step that settled
 
-    def contacts(self, candidates: Candidates, s: np.ndarray, poses: np.ndarray) -> Contacts | None:
+    def contacts(self, candidates: Candidates, s: np.ndarray, poses: np.ndarray, time: float) -> Contacts | None:
         """The rows to ask the shape server about; None if nothing is within reach.
 
         Args:
             candidates: Places within reach.
             s: (n,) [m] Arc length of the nodes that they refer to.
             poses: (surfaces, 7) Poses of all surfaces.
+            time: [s] Of these poses.
         """
         place = s[candidates.segment] + candidates.fraction * np.diff(s)[candidates.segment]
         spacing = float(np.diff(s).max())
@@ -100,7 +105,7 @@ class Boundary:
         self._share_pushes(body[:count], where[:count], normal[:count], force[:count], spacing)
         for row, bond in enumerate(bonds):
             force[count + row] = bond.force
-        return Contacts(
+        contacts = Contacts(
             s=where,
             body=body,
             feature=np.concatenate([candidates.feature[free], np.zeros(len(bonds), dtype=np.int64)]),
@@ -112,6 +117,7 @@ class Boundary:
             friction=np.concatenate([np.full(count, FREE), np.full(len(bonds), BONDED)]),
             force=force,
         )
+        return contacts if self.laws is None else anchors.rubbing(self.laws, self.anchors, contacts, poses, time, spacing)
 
     def after(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray) -> Boundary:
         """What the shape server's answer leaves of the contacts it was asked about."""
@@ -129,6 +135,9 @@ class Boundary:
         is_bond = on >= first_bond
         normal = np.where(is_bond[:, None], contacts.normal[on], force / np.sqrt(size[on])[:, None])
         where = shape.contact_s[on]
+        if contacts.rubbing is not None:
+            rubs = np.isin(on, contacts.rubbing.contact)
+            normal[rubs] = anchors.surface_normals(contacts, on[rubs], _axis(shape, where[rubs]))
         bulge = float(shape.curvature.max()) * float(np.diff(shape.s).max()) ** 2 / 8
         pushes = Pushes(contacts.body[on], where, normal, force, _axis(shape, where) - self.radius * normal, is_bond, bulge)
         return replace(self, bonds=bonds, pushes=pushes)
@@ -146,6 +155,10 @@ class Boundary:
             if not (candidates.normal[there] @ pushes.normal[row] > SAME_NORMAL).any():
                 return False
         return True
+
+    def anchored(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
+        """With the cable held where it now rubs, once a step has settled; as it is where no body rubs."""
+        return self if self.laws is None else replace(self, anchors=anchors.anchored(contacts, shape, poses, time))
 
     def bonded(self, poses: np.ndarray, spacing: float) -> Boundary:
         """With every push on a bonding body turned into a bond, where none is near; once a step has settled.
@@ -210,7 +223,8 @@ class Boundary:
             away = np.where((body == pushes.surface[row]) & (normal @ pushes.normal[row] > 0.8), away, np.inf)
             nearest = int(np.argmin(away))
             if away[nearest] < 2 * spacing:
-                force[nearest] += np.linalg.norm(pushes.force[row]) * normal[nearest]
+                rubs = self.laws is not None and self.laws.code[body[nearest]] > 0
+                force[nearest] += pushes.force[row] if rubs else np.linalg.norm(pushes.force[row]) * normal[nearest]
 
 
 def _axis(shape: Shape, s: np.ndarray) -> np.ndarray:

@@ -162,7 +162,7 @@ class Loop:
             done.rounds += 1
             begun = time.perf_counter()
             contacts = [
-                cable.boundary.contacts(joined(cable, self._stage.body_count, self._reach), cable.shape.s, goal.surfaces)
+                cable.boundary.contacts(joined(cable, self._stage.body_count, self._reach), cable.shape.s, goal.surfaces, goal.time)
                 if cable is not None
                 else None
                 for cable in cables
@@ -200,7 +200,13 @@ class Loop:
             anchor, done_at = done.cables, goal
         if done.is_settled:
             done.cables = tuple(
-                replace(cable, boundary=cable.boundary.bonded(goal.surfaces, float(np.diff(cable.shape.s).max()))) for cable in done.cables
+                replace(
+                    cable,
+                    boundary=cable.boundary.anchored(contact, cable.shape, goal.surfaces, goal.time).bonded(
+                        goal.surfaces, float(np.diff(cable.shape.s).max())
+                    ),
+                )
+                for cable, contact in zip(done.cables, contacts, strict=True)
             )
         return done
 
@@ -296,4 +302,4 @@ class Loop:
 
     def _fresh(self, index: int) -> Boundary:
         cable = self._stage.scene.cables[index]
-        return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=self._stage.bonding)
+        return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=self._stage.bonding, laws=self._stage.laws)

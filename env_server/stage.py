@@ -20,6 +20,7 @@ from protocol.kinds import Friction
 from protocol.messages import Grasps, Solid
 from protocol.scene import Gripper, Scene
 
+from .anchors import laws_of
 from .meshes import Mesh, load_body, place_clips
 from .motion import Path, cable_frames
 from .robot import Robot
@@ -81,6 +82,7 @@ class Stage:
         self._body_poses = np.array([surface.pose for surface in surfaces[: self.body_count]]).reshape(-1, 7)
         self._link_rows = np.array([surface.link for surface in surfaces[self.body_count :]], dtype=np.int64)
         self.bonding = np.array([body.friction is Friction.BOND for body in scene.bodies] + [False] * len(self._link_rows), dtype=bool)
+        self.laws = laws_of(scene.bodies, len(self.bonding))
         self.solids: tuple[Solid, ...] = self.world.solids()
         names = [solid.name for solid in self.solids]
         self.solid_of_surface = np.array([names.index(name) if name in names else -1 for name in self.surface_names], dtype=np.int64)

@@ -11,10 +11,16 @@ class Friction(Enum):
 
     BOND = "bond"  # F_inf
     NONE = "none"  # F_0
+    REGULARIZED = "regularized"  # F_R: mu N v / sqrt(v^2 + v0^2) against the sliding
+    SIGNUM = "signum"  # F_sigma: mu N against the sliding; sticks below that
+    DEFINED = "defined"  # F_d: a table of sliding speed and normal force
 
 
-FRICTION_CODES: Final[tuple[Friction, ...]] = (Friction.NONE, Friction.BOND)
+FRICTION_CODES: Final[tuple[Friction, ...]] = (Friction.NONE, Friction.BOND, Friction.REGULARIZED, Friction.SIGNUM, Friction.DEFINED)
 """Friction kinds in the order of the codes that `Contacts.friction` carries."""
+
+RUBS: Final = (2, 3, 4)
+"""Codes of the kinds with a force along the surface, which depends on how far a contact slides."""
 
 
 class Hold(Enum):

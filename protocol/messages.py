@@ -24,6 +24,10 @@ from .parts import PointLoads as PointLoads
 from .parts import Problem as Problem
 from .parts import Shape as Shape
 from .parts import Start as Start
+from .rubbing import FrictionLaw as FrictionLaw
+from .rubbing import FrictionTable as FrictionTable
+from .rubbing import Rubbed as Rubbed
+from .rubbing import Rubbing as Rubbing
 from .scene import Scene, Vector
 
 

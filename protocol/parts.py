@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-import msgspec
 import numpy as np
 
 from .checks import (
@@ -21,15 +20,14 @@ from .checks import (
     check_units,
 )
 from .errors import MessageError
-from .kinds import FRICTION_CODES, Feature, Hold, Model, Outcome
+from .kinds import FRICTION_CODES, RUBS, Feature, Hold, Model, Outcome
+from .part import Part as Part
+from .rubbing import Rubbed as Rubbed
+from .rubbing import Rubbing as Rubbing
 from .scene import Cable
 
 TURNS_MAX: Final = 100
 BRANCHES_MAX: Final = 100
-
-
-class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Anything that crosses the wire inside a message."""
 
 
 class Grasps(Part, frozen=True):
@@ -68,6 +66,7 @@ class Contacts(Part, frozen=True):
     distance: np.ndarray  # (m,) m, between axis and feature when they touch
     friction: np.ndarray  # (m,) int, index into `kinds.FRICTION_CODES`
     force: np.ndarray  # (m, 3) N, on the cable; what to start from
+    rubbing: Rubbing | None = None  # of the contacts whose friction is one of `kinds.RUBS`
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
@@ -83,6 +82,9 @@ class Contacts(Part, frozen=True):
         check_floats("contacts.force", self.force, (count, 3), 1e9)
         check_units("contacts.normal", self.normal)
         check_units("contacts.direction", self.direction[self.feature == Feature.EDGE])
+        rubs = np.flatnonzero(np.isin(self.friction, RUBS)) if count and self.friction.max() >= RUBS[0] else []
+        if not np.array_equal(rubs, [] if self.rubbing is None else self.rubbing.contact):
+            raise MessageError("contacts.rubbing: must have a row for every contact whose friction is 2, 3 or 4", key="contacts.rubbing")
 
 
 class PointLoads(Part, frozen=True):
@@ -141,6 +143,9 @@ class Problem(Part, frozen=True):
             )
         if self.contacts is not None and len(self.contacts.s) and not 0 <= self.contacts.s.min() <= self.contacts.s.max() <= length:
             raise MessageError(f"contacts.s: must lie from 0 to the cable's length, {length:g} m", key="contacts.s")
+        rubbing = self.contacts.rubbing if self.contacts is not None else None
+        if rubbing is not None and len(rubbing.s) and not 0 <= rubbing.s.min() <= rubbing.s.max() <= length:
+            raise MessageError(f"rubbing.s: must lie from 0 to the cable's length, {length:g} m", key="rubbing.s")
         if all(hold is Hold.GUIDE for hold in self.grasps.hold):
             raise MessageError("grasps.hold: all are guides, along which the cable slides off; add a clamp or a hinge", key="grasps.hold")
         if self.loads is not None and len(self.loads.s) and not 0 <= self.loads.s.min() <= self.loads.s.max() <= length:
@@ -198,6 +203,7 @@ class Shape(Part, frozen=True):
     margin: float | None  # N, smallest stiffness against turning the segments, over their length; zero at a fold; None: not asked
     fold: float | None  # further steps like the last one until the shape snaps, predicted; None where no fold is in sight
     cost: Cost
+    rubbed: Rubbed | None = None  # of the contacts that rub
 
     def __post_init__(self) -> None:
         """Check shapes and ranges; an outcome without a shape has empty arrays."""

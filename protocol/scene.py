@@ -24,6 +24,7 @@ from .cable import Unit as Unit
 from .cable import Vector as Vector
 from .cable import cable_mistakes, reaches_any_distance
 from .errors import SceneError
+from .friction import COEFFICIENT_MAX, friction_mistakes
 from .kinds import Friction, Hold, Primitive
 
 Quaternion = tuple[float, float, float, float]  # (x, y, z, w)
@@ -63,6 +64,10 @@ class Body:
     shape: Primitive | None = None
     radius: Annotated[float, Ge(0), Unit("m")] | None = None  # of a sphere, a capsule or a cylinder; a cylinder of radius 0 is a line
     length: Annotated[Positive, Unit("m")] | None = None  # of a cylinder, or of the straight part of a capsule
+    friction_coefficient: Annotated[float, Ge(0), Le(COEFFICIENT_MAX)] | None = None  # mu, of "regularized" and "signum"
+    friction_speed: Annotated[Positive, Unit("m/s")] | None = None  # v0 of "regularized"
+    friction_table: tuple[tuple[float, ...], ...] = ()  # of "defined": speed in m/s, then the coefficient, or forces in N
+    friction_normals: tuple[float, ...] = ()  # N, normal forces that the forces of the table belong to; without: coefficients
 
 
 @dataclass(frozen=True)
@@ -165,6 +170,8 @@ def check_scene(scene: Scene) -> None:
         sentence = body_mistake(body)
         if sentence:
             raise SceneError(f"bodies[{index}]: {sentence}", key=f"bodies[{index}]")
+        for name, sentence in friction_mistakes(body):
+            raise SceneError(f"bodies[{index}].{sentence}", key=f"bodies[{index}].{name}")
     for index, move in enumerate(scene.moves):
         for place, target in enumerate(move.targets):
             _check_target(f"moves[{index}].targets[{place}]", target, grippers, scene.bodies)

@@ -16,7 +16,6 @@ from pathlib import Path as FilePath
 from typing import Any, Final, TypeVar, get_args, get_origin
 
 from protocol.errors import SceneError
-from protocol.kinds import Friction
 
 from .lines import Path, lines_of, nearest_line, written
 from .override import override
@@ -26,9 +25,6 @@ from .spelling import meant
 T = TypeVar("T")
 
 MISSPELT: Final = "unknown key; did you mean"
-
-NOT_BUILT: Final = {Friction: "'regularized', 'signum' and 'defined' of the paper are not built yet"}
-"""What to add where a kind is unknown, so that a reader of the paper knows."""
 
 _PLURAL: Final = {float: "numbers", str: "texts in quotes", int: "whole numbers"}
 
@@ -179,8 +175,7 @@ def _unknown_key(key: str, kind: Any) -> str:
 
 def _unknown_member(given: Any, kind: Any) -> str:
     names = ", ".join(f"'{member.value}'" for member in kind)
-    hint = f" ({NOT_BUILT[kind]})" if kind in NOT_BUILT else ""
-    return f"{_shown(given)} unknown; there are {names}{hint}"
+    return f"{_shown(given)} unknown; there are {names}"
 
 
 def _is_not(hint: Any) -> str:

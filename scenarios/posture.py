@@ -41,7 +41,7 @@ from annotated_types import Ge, Le, MinLen
 
 from protocol.cable import cable_mistakes, reaches_any_distance
 from protocol.errors import MessageError
-from protocol.kinds import FRICTION_CODES, Feature, Friction, Model
+from protocol.kinds import FRICTION_CODES, RUBS, Feature, Friction, Model
 from protocol.scene import STRICT, Cable, Metres, Positive, Unit, Vector
 
 from .document import Document, read_text
@@ -162,6 +162,9 @@ def _of_places(posture: Posture) -> Iterator[Mistake]:
     for index, contact in enumerate(posture.contacts):
         yield from _beyond(("contacts", index, "at"), contact.at, posture.cable)
         yield from _no_direction(("contacts", index, "normal"), contact.normal)
+        if FRICTION_CODES.index(contact.friction) in RUBS:
+            text = f"'{contact.friction.value}' depends on how the cable came there, which a posture does not say; there are 'bond', 'none'"
+            yield Mistake(("contacts", index, "friction"), text)
     for index, load in enumerate(posture.loads):
         yield from _beyond(("loads", index, "at"), load.at, posture.cable)
 

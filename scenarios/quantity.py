@@ -23,6 +23,7 @@ WORDS: Final = {
     "kg/m": ("a mass per length", "90 g/m"),
     "N m^2": ("a stiffness", "0.02 N m^2"),
     "s": ("a time", "20 ms"),
+    "m/s": ("a speed", "20 mm/s"),
     "m/s^2": ("an acceleration", "-9.81 m/s^2"),
     "rad": ("an angle", "90 deg"),
     "N": ("a force", "12 kN"),

@@ -12,7 +12,7 @@ from protocol.kinds import Outcome
 from protocol.messages import Cost, Problem, Shape
 
 from . import numpy_path
-from .reading import Reading
+from .reading import Reading, rubbed
 from .task import Solution, Task
 
 
@@ -64,6 +64,7 @@ def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, p
             factorisations=price.iterations,
             path="numpy" if task.path is numpy_path else "numba",
         ),
+        rubbed=rubbed(task.problem, system, found, reading.contact_s, task.path),
     )
 
 

@@ -13,7 +13,7 @@ SOFTNESS = 1e-7  # m by which a contact or bond gives way under the typical forc
 
 
 class Border(NamedTuple):
-    """Rows in the order: held points, contacts, curvature."""
+    """Rows in the order: held points, contacts, curvature, friction (two each)."""
 
     element: np.ndarray  # (count,) int
     fraction: np.ndarray  # (count,)
@@ -23,6 +23,7 @@ class Border(NamedTuple):
     residual: np.ndarray  # (count,) m
     held: np.ndarray  # (h,) int, which rows of held points are here
     contacts: np.ndarray  # (c,) int, which contacts have a row
+    rubs: np.ndarray  # (r,) int, which contacts with friction have two rows
     saddles: int  # negative directions that the curvature rows bring with them
 
 
@@ -37,8 +38,9 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     held = np.array([row for row in range(len(rod.held.element)) if is_active(rod, state, row)], dtype=np.int64)
     contacts = np.arange(len(state.touches)) if is_exact else np.flatnonzero(state.touches)
     bent, rows, saddles = _bent(rod, state, view)
+    rubs = np.arange(len(state.ease)) if is_exact else np.flatnonzero(state.ease > 0.0)
     first, last = len(held), len(held) + len(contacts)
-    count = last + rows
+    count = last + rows + 2 * len(rubs)
     element, fraction, vector = np.empty(count, dtype=np.int64), np.empty(count), np.empty((count, 3))
     is_turn, compliance, residual = np.zeros(count, dtype=np.bool_), np.zeros((count, count)), np.zeros(count)
     hard = SOFTNESS / rod.force_scale
@@ -60,6 +62,12 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     at = last
     for row in bent:
         at = _add_curvature(rod, state, view, row, at, element, fraction, vector, is_turn, compliance)
+    for row in rubs:
+        for axis in range(2):
+            element[at], fraction[at], vector[at] = rod.rub.element[row], rod.rub.fraction[row], rod.rub.axes[row, axis]
+            compliance[at, at] = hard if is_exact else state.ease[row]
+            residual[at] = view.slip[row, axis] + hard * state.drag[row, axis] if is_exact else 0.0
+            at += 1
     return Border(
         element=element,
         fraction=fraction,
@@ -69,6 +77,7 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
         residual=residual,
         held=held,
         contacts=contacts,
+        rubs=rubs,
         saddles=saddles,
     )
 

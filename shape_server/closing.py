@@ -50,14 +50,14 @@ def close(matrix, right, first_contact, contact_count, push, is_exact):  # type:
     rows = np.arange(count)
     free = rows[first_contact : first_contact + contact_count]
     fixed = np.concatenate((rows[:first_contact], rows[first_contact + contact_count :]))
-    own, rest = _part(matrix, free, free), right[free]
+    own, rest = part(matrix, free, free), right[free]
     solved = np.empty((len(fixed), contact_count + 1))
     if len(fixed) > 0:
         both = np.empty((len(fixed), contact_count + 1))
-        both[:, :contact_count] = _part(matrix, fixed, free)
+        both[:, :contact_count] = part(matrix, fixed, free)
         both[:, contact_count] = right[fixed]
-        solved, _ = solve_symmetric(_part(matrix, fixed, fixed), both)
-        coupling = _part(matrix, free, fixed)
+        solved, _ = solve_symmetric(part(matrix, fixed, fixed), both)
+        coupling = part(matrix, free, fixed)
         own = own - coupling @ np.ascontiguousarray(solved[:, :contact_count])
         rest = rest - coupling @ np.ascontiguousarray(solved[:, contact_count])
     force = complementary(own, rest + own @ push, push > 0.0)
@@ -66,7 +66,7 @@ def close(matrix, right, first_contact, contact_count, push, is_exact):  # type:
     change[free] = force - push
     change[fixed] = solved[:, contact_count] - np.ascontiguousarray(solved[:, :contact_count]) @ change[free]
     kept = np.concatenate((rows[:first_contact], free[closed], rows[first_contact + contact_count :]))
-    _, positive = solve_symmetric(_part(matrix, kept, kept), np.zeros((len(kept), 1)))
+    _, positive = solve_symmetric(part(matrix, kept, kept), np.zeros((len(kept), 1)))
     return change, closed, positive
 
 
@@ -87,7 +87,7 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
         force[:] = 0.0
         on = np.flatnonzero(closed)
         if len(on) > 0:
-            solved, _ = solve_symmetric(_part(matrix, on, on), right[on].reshape(-1, 1))
+            solved, _ = solve_symmetric(part(matrix, on, on), right[on].reshape(-1, 1))
             force[on] = solved[:, 0]
         gap = matrix @ force - right
         wrong = np.flatnonzero((closed & (force < 0.0)) | (~closed & (gap < -tolerance)))
@@ -104,7 +104,8 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _part(matrix, rows, columns):  # type: ignore[no-untyped-def]
+def part(matrix, rows, columns):  # type: ignore[no-untyped-def]
+    """Rows and columns of a matrix, by their numbers."""
     out = np.empty((len(rows), len(columns)))
     for i in range(len(rows)):
         for j in range(len(columns)):

@@ -21,7 +21,7 @@ def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settl
     begun = state._replace(push=np.maximum(state.push, 0.0))
     seen, view = path.look(rod, begun, rod.touch.normal)
     start = Settled(seen, view, False, False, 0, np.inf, GOING_ON)
-    descent = Descent(start, begun.force, begun.push, float(path.begin_stiffness(rod)), 0.0, 0, np.inf)
+    descent = Descent(start, begun.force, begun.push, begun.drag, float(path.begin_stiffness(rod)), 0.0, 0, np.inf)
     while True:
         descent = Descent(*path.descend(rod, descent, SLICE))
         found = descent.settled

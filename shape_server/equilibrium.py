@@ -18,8 +18,10 @@ from numba import njit
 
 from .border import SOFTNESS
 from .chain import retract
+from .drag import lawless
+from .merit import search, soft_forces
 from .newton import newton_step
-from .rod import State, View, energy, is_active, look, net_moment
+from .rod import State, View, is_active, look, net_moment
 
 TURN_DONE = 2e-4  # rad; a Newton step this long leaves an error of about its square
 TURN_EXACT = 1e-9  # rad
@@ -73,6 +75,7 @@ class Descent(NamedTuple):
     settled: Settled
     force: np.ndarray  # (h,) N, multipliers of held points
     push: np.ndarray  # (m,) N, multipliers of contacts
+    drag: np.ndarray  # (f, 2) N, multipliers of friction
     stiffness: float  # N/m, penalty of held points
     shift: float  # N, of the Hessian
     helped: int  # steps in a row that needed a shift and were short
@@ -108,11 +111,13 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
         shortens = iteration == 1 or longest < SHORTENS * last
         last = longest
         turn_done = TURN_DONE if is_stable and shortens and _is_near(rod, state, view, step, longest, miss) else TURN_EXACT
-        if scale == 1.0 and longest < turn_done and change < FORCE_DONE * rod.force_scale and miss < MISS_DONE * rod.length:
+        is_lawful = _keeps_laws(rod, state, view)
+        known = is_lawful and change < FORCE_DONE * rod.force_scale
+        if scale == 1.0 and longest < turn_done and known and miss < MISS_DONE * rod.length:
             return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE)
         # Where several edges meet, contacts may go on taking turns without moving the cable any more.
         is_idle = iteration >= IDLE_AFTER and _largest(view.nodes - before) < IDLE_MOVE * rod.length
-        if is_idle and is_stable and miss < IDLE_MISS * rod.length:
+        if is_idle and is_stable and is_lawful and miss < IDLE_MISS * rod.length:
             return Settled(state, view, True, True, iteration, unbalanced, DONE)
     return Settled(state, view, False, is_stable, most, unbalanced, NOT_SHORT)
 
@@ -150,13 +155,13 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
     Go on while `why` is `GOING_ON`; at `CLOSE` it is time to settle, and to go on from beside the place if that is a saddle.
     """
     state, view, iteration = descent.settled.state, descent.settled.seen, descent.settled.iterations
-    force, push, stiffness, shift = descent.force, descent.push, descent.stiffness, descent.shift
+    force, push, drag, stiffness, shift = descent.force, descent.push, descent.drag, descent.stiffness, descent.shift
     helped, worst, unbalanced = descent.helped, descent.worst, descent.settled.unbalanced
     softest = begin_stiffness(rod)
     last = iteration + steps
     why = GOING_ON
     while why == GOING_ON and iteration < last:
-        state = _soft_forces(rod, state, view, force, push, stiffness)
+        state = soft_forces(rod, state, view, force, push, drag, stiffness)
         step = newton_step(rod, state, view, (1.0 / stiffness, 0.1 / stiffness), shift)
         iteration += 1
         unbalanced = step.unbalanced
@@ -164,7 +169,7 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
         accepted = step.is_stable and longest < np.inf
         if accepted:
             scale = min(1.0, TURN_MAX / longest) if longest > 0.0 else 1.0
-            state, view, accepted = _search(rod, state, view, step, scale, force, push, stiffness)
+            state, view, accepted = search(rod, state, view, step, scale, force, push, stiffness)
         if not accepted:
             shift = max(4.0 * shift, SHIFT_LEAST * rod.force_scale)
             why = NO_DESCENT if shift >= SHIFT_MOST * rod.force_scale else GOING_ON
@@ -172,19 +177,19 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
             helped = helped + 1 if shift > 0.0 and longest < NEAR else 0
             shift = shift / 4.0 if shift > SHIFT_LEAST * rod.force_scale else 0.0
         if accepted and longest < NEAR:
-            now = _soft_forces(rod, state, view, force, push, stiffness)
-            force, push = now.force, now.push
+            now = soft_forces(rod, state, view, force, push, drag, stiffness)
+            force, push, drag = now.force, now.push, now.drag
             before, worst = worst, _worst_miss(rod, state, view)
             if worst > 0.3 * before and helped == 0 and stiffness < 1e3 * softest:
                 stiffness *= 3.0
             # A step that needed a shift may be on its way to a saddle: wait until it stalls there, then look what it is.
             is_near = longest < 0.02 if helped == 0 else (longest < 1e-3 or helped > 8)
             if is_near and worst < 3e-3 * rod.length:
-                state = State(now.frames, now.force, now.holds, now.push, now.push > 0.0, now.fraction)
+                state = now
                 why = CLOSE
         if why == GOING_ON and iteration >= RELAX_STEPS:
             why = NO_MINIMUM
-    return Descent(Settled(state, view, False, False, iteration, unbalanced, why), force, push, stiffness, shift, helped, worst)
+    return Descent(Settled(state, view, False, False, iteration, unbalanced, why), force, push, drag, stiffness, shift, helped, worst)
 
 
 @njit(cache=True, error_model="numpy")
@@ -236,49 +241,19 @@ def _advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
         if rod.held.bond[row] >= 0 and not holds[rod.held.bond[row]]:
             force[row] = 0.0
     frames = retract(state.frames, scale * step.turn)
-    moved, seen = look(rod, State(frames, force, holds, step.push, step.touches, state.fraction), view.push)
+    moved, seen = look(
+        rod, State(frames, force, holds, step.push, step.touches, state.fraction, step.drag, step.sticks, state.ease), view.push
+    )
     return moved, seen, let_go
 
 
 @njit(cache=True, error_model="numpy")
-def _soft_forces(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
-    """The state with the forces that the penalties and the multipliers `force` and `push` give."""
-    soft = force - stiffness * view.miss
-    for row in range(len(soft)):
-        if not is_active(rod, state, row):
-            soft[row] = 0.0
-    pressed = np.maximum(push - 10.0 * stiffness * view.gap, 0.0)
-    return State(state.frames, soft, state.holds, pressed, pressed > 0.0, state.fraction)
-
-
-@njit(cache=True, error_model="numpy")
-def _merit(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
-    """Augmented Lagrangian [J], whose gradient is that of the energy with the forces of `_soft_forces`."""
-    total = energy(rod, state, view)
-    for row in range(len(force)):
-        if is_active(rod, state, row):
-            total += view.miss[row] * (0.5 * stiffness * view.miss[row] - force[row])
-    hardness = 10.0 * stiffness
-    for row in range(len(push)):
-        pressed = max(push[row] - hardness * view.gap[row], 0.0)
-        total += 0.5 / hardness * (pressed * pressed - push[row] * push[row])
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def _search(rod, state, view, step, scale, force, push, stiffness):  # type: ignore[no-untyped-def]
-    """Shorten the step until the merit falls; the start again, and False, if it does not."""
-    before = _merit(rod, state, view, force, push, stiffness)
-    # The bulge of `contact_geometry` is left out of the slope, so with contacts the merit may rise a little.
-    slack = 1e-13 * abs(before) + (1e-7 * rod.force_scale * rod.length if len(view.gap) > 0 else 0.0)
-    for _ in range(12):
-        frames = retract(state.frames, scale * step.turn)
-        trial, seen = look(rod, State(frames, state.force, state.holds, state.push, state.touches, state.fraction), view.push)
-        after = _merit(rod, trial, seen, force, push, stiffness)
-        if after <= before + 1e-4 * scale * step.slope + slack:
-            return trial, seen, True
-        scale *= 0.4
-    return state, view, False
+def _keeps_laws(rod, state, view):  # type: ignore[no-untyped-def]
+    """Whether every contact with friction sticks or slides by its law, as nearly as held points are held and forces known."""
+    if len(state.drag) == 0:
+        return True
+    stray, wrong = lawless(rod, state, view, SOFTNESS / rod.force_scale)
+    return stray < MISS_DONE * rod.length and wrong < FORCE_DONE * rod.force_scale
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,7 +13,7 @@ from . import hinges, link
 from .cold import PULL, curve_frames
 from .descent import off_the_saddle, relax, settle_or_relax
 from .equilibrium import Settled
-from .rod import Rod, State
+from .rod import NO_RUB, Rod, State
 from .system import System
 from .task import Task
 
@@ -27,12 +27,24 @@ def from_grasps(task: Task, system: System) -> Settled:
     """The first shape, from nothing but the grasps: without contacts at first, so that these find the cable in one piece."""
     curve = curve_frames(system.mesh, task.problem, np.asarray(task.gravity), task.path)
     begin = system.start(curve)
-    begin = begin._replace(force=np.zeros_like(begin.force), push=np.zeros_like(begin.push), touches=np.zeros_like(begin.touches))
+    begin = begin._replace(
+        force=np.zeros_like(begin.force),
+        push=np.zeros_like(begin.push),
+        touches=np.zeros_like(begin.touches),
+        drag=np.zeros_like(begin.drag),
+    )
     if not len(system.rod.touch.contact):
         return _hanging(task, system, begin)
     empty = system.rod.touch._replace(**{name: column[:0] for name, column in system.rod.touch._asdict().items()})
-    free = replace(system, rod=system.rod._replace(touch=empty), push=np.zeros(0), fraction=np.zeros(0))
-    bare = begin._replace(push=np.zeros(0), touches=np.zeros(0, dtype=bool), fraction=np.zeros(0))
+    free = replace(
+        system,
+        rod=system.rod._replace(touch=empty, rub=NO_RUB, rub_of=empty.contact),
+        push=np.zeros(0),
+        fraction=np.zeros(0),
+        drag=np.zeros((0, 2)),
+    )
+    none = np.zeros(0, dtype=bool)
+    bare = begin._replace(push=np.zeros(0), touches=none, fraction=np.zeros(0), drag=np.zeros((0, 2)), sticks=none, ease=np.zeros(0))
     hanging = _hanging(task, free, bare)
     state = begin._replace(frames=hanging.state.frames, force=hanging.state.force, holds=hanging.state.holds)
     after = settle_or_relax(task.path, system.rod, state, task.progress)

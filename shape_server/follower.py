@@ -52,6 +52,8 @@ class Follower:
         """
         if len(pieces.cuts(problem)) > 2 or problem.cable.bending is None:
             raise CablecosimError("a Follower takes a cable with 'bending', without clamps inside it; use solve() for others")
+        if effects.rubs(problem):
+            raise CablecosimError(f"a Follower is not built {effects.WITH_FRICTION}")
         self._problem, self._gravity, self._extrapolate = problem, gravity, extrapolate
         self._state: State
         self._mesh = even(stops(problem), problem.grasps.s, segments)
@@ -142,6 +144,8 @@ class Follower:
         """Give other contacts, with the forces to start from; the next motion finds out which of them push."""
         force = self._state.force if self._clamped is None else self._clamped.force
         problem = msgspec.structs.replace(self._problem, contacts=contacts, start=None)
+        if effects.rubs(problem):
+            raise CablecosimError(f"a Follower is not built {effects.WITH_FRICTION}")
         system = self._task(problem).system(self._mesh)
         state = system.start(self.frames.copy())
         on_grasps = len(system.row_grasp) - 3 * len(system.bond_contact)  # rows of bonds come last

@@ -59,7 +59,17 @@ def _settled(rod, state, short, steps):  # type: ignore[no-untyped-def]
         longest = np.abs(step.turn).max()
         if not longest < 1.0:
             break
-        state = State(retract(state.frames, step.turn), step.force, state.holds, step.push, step.touches, state.fraction)
+        state = State(
+            retract(state.frames, step.turn),
+            step.force,
+            state.holds,
+            step.push,
+            step.touches,
+            state.fraction,
+            step.drag,
+            step.sticks,
+            state.ease,
+        )
         state, view = look(rod, state, view.push)
         if longest < short:
             return state, view.nodes, 1 if step.is_stable else 0
@@ -94,7 +104,7 @@ def follow_nested(rod, finer, held, state, between, position, quaternion):  # ty
     frames[first : first + count] = state.frames
     if len(there) > first + count:
         frames[first + count] = rod.clamp_frames[rod.clamp_of_node[count]]
-    begun = State(interpolate_frames(there, frames, here), state.force, state.holds, state.push, state.touches, state.fraction)
+    begun = State(interpolate_frames(there, frames, here), *state[1:])
     # One step from a shape that is off by c h^2 leaves an error of its square: of fourth order.
     _, fine, more = _settled(finer, begun, 1.0, 1)
     if more < 0:

@@ -104,4 +104,6 @@ def _clamped(task: Task, system: System, tangents: np.ndarray, start: Starter) -
         forces[held] += Solution(own, rod, found).reading.wrenches[:, :3]
     row_force = np.einsum("ij,ij->i", system.rod.held.axis, forces[system.row_grasp]) * (system.row_grasp >= 0)
     begun = system.start(np.concatenate(frames))
-    return begun._replace(force=row_force, push=np.zeros_like(begun.push), touches=np.zeros_like(begun.touches))
+    return begun._replace(
+        force=row_force, push=np.zeros_like(begun.push), touches=np.zeros_like(begun.touches), drag=np.zeros_like(begun.drag)
+    )

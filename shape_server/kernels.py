@@ -14,6 +14,8 @@ from .contact_geometry import contact_geometry as contact_geometry
 from .curve import frames_along as frames_along
 from .curve import sagging_tangents as sagging_tangents
 from .curve import turn_onto as turn_onto
+from .drag import drag_limit as drag_limit
+from .drag import normal_forces as normal_forces
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
 from .equilibrium import begin_stiffness as begin_stiffness
@@ -32,6 +34,7 @@ from .section_forces import section_forces as section_forces
 from .section_forces import twist_of as twist_of
 from .smoothing import add_smoothing as add_smoothing
 from .smoothing import smoothing_energy as smoothing_energy
+from .stick_slip import stick_slip as stick_slip
 from .symmetric import solve_symmetric as solve_symmetric
 from .vertices import assemble as assemble
 from .vertices import elastic_energy as elastic_energy

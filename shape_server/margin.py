@@ -61,7 +61,9 @@ def smallest_stiffness(rod, state, view):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _is_open(border, state, row):  # type: ignore[no-untyped-def]
-    contact = row - len(border.held)
+    contact, rub = row - len(border.held), (row - len(border.element)) // 2 + len(border.rubs)
+    if rub >= 0:
+        return not state.sticks[border.rubs[rub]]
     return 0 <= contact < len(border.contacts) and not state.touches[border.contacts[contact]]
 
 

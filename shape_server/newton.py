@@ -20,12 +20,13 @@ from numba import njit
 
 from .axial import add_give
 from .band import eliminate
-from .border import border_rows
+from .border import SOFTNESS, border_rows
 from .chain import carried_forces
 from .closing import close
 from .elimination import columns
 from .rod import node_forces
 from .smoothing import add_smoothing
+from .stick_slip import close_rubbing
 from .vertices import assemble
 
 NOT_ROUND = 1e-5  # of the stiffness that holds the roll of a round cable
@@ -38,6 +39,8 @@ class Step(NamedTuple):
     force: np.ndarray  # (h,) N, new forces of the rows of held points
     push: np.ndarray  # (m,) N, new forces at contacts
     touches: np.ndarray  # (m,) bool, contacts that push
+    drag: np.ndarray  # (f, 2) N, new forces of friction
+    sticks: np.ndarray  # (f,) bool, contacts that touch and do not slide
     is_stable: bool
     unbalanced: float  # N, largest unbalanced couple of a segment before the step, over its length
     slope: float  # J, gradient . turn
@@ -118,29 +121,32 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     negative = eliminate(diagonal, upper, beyond, right)
     answers = right.reshape(3 * len(gradient), count + 1)
     schur = matrix.reshape(3 * len(gradient), count).T @ answers
-    change, closed, positive = close(
-        np.ascontiguousarray(schur[:, :count]) + border.compliance,
-        schur[:, count] - border.residual,
-        len(held),
-        len(contacts),
-        state.push[contacts],
-        is_exact,
-    )
+    matrix_of_rows, right_of_rows = np.ascontiguousarray(schur[:, :count]) + border.compliance, schur[:, count] - border.residual
+    force, push, touches, drag, sticks = state.force.copy(), state.push.copy(), state.touches.copy(), state.drag.copy(), state.sticks
+    if is_exact and len(border.rubs) > 0:
+        hard = SOFTNESS / rod.force_scale
+        change, closed, sticks, positive = close_rubbing(rod, state, matrix_of_rows, right_of_rows, len(held), contacts, hard)
+        rubbing = 2 * sticks.sum()
+    else:
+        change, closed, positive = close(matrix_of_rows, right_of_rows, len(held), len(contacts), state.push[contacts], is_exact)
+        rubbing = 2 * len(border.rubs)
+    for k in range(len(border.rubs)):
+        for axis in range(2):
+            drag[border.rubs[k], axis] += change[count - 2 * (len(border.rubs) - k) + axis]
     answer = np.append(change, -1.0)
     turn = (answers @ answer).reshape(-1, 3)
-    force, push, touches = state.force.copy(), state.push.copy(), state.touches.copy()
     force[held] += change[: len(held)]
     push[contacts] += change[len(held) : len(held) + len(contacts)]
     touches[contacts] = closed
     push[~touches] = 0.0
-    is_stable = negative + positive == len(held) + closed.sum() + border.saddles
+    is_stable = negative + positive == len(held) + closed.sum() + border.saddles + rubbing
     slope = (gradient * turn).sum()
     bent = (turn.reshape(-1) @ matrix.reshape(3 * len(gradient), count)) @ change - slope  # turn . H turn
     size = 0.0
     for j in range(len(turn)):
         size += rod.lengths[j] * (turn[j, 0] * turn[j, 0] + turn[j, 1] * turn[j, 1] + turn[j, 2] * turn[j, 2])
     stiffness = bent / size if size > 0.0 else np.inf
-    return Step(turn, force, push, touches, is_stable, _largest_couple(gradient, rod.lengths), slope, stiffness)
+    return Step(turn, force, push, touches, drag, sticks, is_stable, _largest_couple(gradient, rod.lengths), slope, stiffness)
 
 
 @njit(cache=True, error_model="numpy")

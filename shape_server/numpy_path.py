@@ -133,4 +133,5 @@ look, node_forces, energy = _plain["look"], _plain["node_forces"], _plain["energ
 interpolate_frames, smallest_stiffness = _plain["interpolate_frames"], _plain["smallest_stiffness"]
 frames_along, sagging_tangents, turn_onto = _plain["frames_along"], _plain["sagging_tangents"], _plain["turn_onto"]
 close, contact_geometry = _plain["close"], _plain["contact_geometry"]
+drag_limit, normal_forces, stick_slip = _plain["drag_limit"], _plain["normal_forces"], _plain["stick_slip"]
 section_forces, twist_of = _plain["section_forces"], _plain["twist_of"]

@@ -23,7 +23,7 @@ import numpy as np
 
 from protocol.codec import decode, encode
 from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold
-from protocol.messages import Contacts, Grasps, Problem, ShapeRequest, Start
+from protocol.messages import Contacts, FrictionLaw, Grasps, Problem, Rubbing, ShapeRequest, Start
 from protocol.scene import Cable
 
 from . import numpy_path
@@ -147,7 +147,7 @@ def warm_up() -> float:
 
 
 def _sample() -> ShapeRequest:
-    """A cable hanging between two clamps, with an edge under it and a bond."""
+    """A cable hanging between two clamps, with an edge under it, a bond, and a face that rubs."""
     along_x = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
     grasps = Grasps(
         s=np.array([0.0, 1.0]),
@@ -156,16 +156,24 @@ def _sample() -> ShapeRequest:
         hold=(Hold.CLAMP, Hold.CLAMP),
     )
     contacts = Contacts(
-        s=np.array([0.45, 0.6]),
-        body=np.zeros(2, dtype=np.int64),
-        feature=np.array([int(Feature.EDGE), int(Feature.FACE)]),
-        point=np.array([[0.4, 0.0, -0.15], [0.55, 0.0, -0.2]]),
-        normal=np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]),
-        direction=np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]),
-        extent=np.array([[-1.0, 1.0], [0.0, 0.0]]),
-        distance=np.full(2, 0.01),
-        friction=np.array([FRICTION_CODES.index(Friction.NONE), FRICTION_CODES.index(Friction.BOND)]),
-        force=np.zeros((2, 3)),
+        s=np.array([0.45, 0.6, 0.75]),
+        body=np.zeros(3, dtype=np.int64),
+        feature=np.array([int(Feature.EDGE), int(Feature.FACE), int(Feature.FACE)]),
+        point=np.array([[0.4, 0.0, -0.15], [0.55, 0.0, -0.2], [0.65, 0.0, -0.15]]),
+        normal=np.tile([0.0, 0.0, 1.0], (3, 1)),
+        direction=np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+        extent=np.array([[-1.0, 1.0], [0.0, 0.0], [0.0, 0.0]]),
+        distance=np.full(3, 0.01),
+        friction=np.array([FRICTION_CODES.index(kind) for kind in (Friction.NONE, Friction.BOND, Friction.SIGNUM)]),
+        force=np.zeros((3, 3)),
+        rubbing=Rubbing(
+            contact=np.array([2]),
+            law=np.zeros(1, dtype=np.int64),
+            s=np.array([0.75]),
+            anchor=np.array([[0.65, 0.0, -0.14]]),
+            laws=(FrictionLaw(coefficient=0.3),),
+            time_step=0.1,
+        ),
     )
     cable = Cable(name="sample", length=1.0, diameter=0.02, mass_per_length=0.1, bending=0.01, twist=0.01)
     problem = Problem(cable=cable, grasps=grasps, contacts=contacts)

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from protocol.kinds import Hold, Outcome
-from protocol.messages import Contacts, Cost, Grasps, PointLoads, Problem, Shape, Start
+from protocol.messages import Contacts, Cost, Grasps, PointLoads, Problem, Rubbed, Rubbing, Shape, Start
 from protocol.scene import Cable, Vector
 
 from .mesh import from_nodes
@@ -113,7 +113,21 @@ def join(problem: Problem, shapes: list[Shape]) -> Shape:
         margin=_worst(min, [shape.margin for shape in shapes]),
         fold=min((shape.fold for shape in shapes if shape.fold is not None), default=None),
         cost=cost,
+        rubbed=_rubbed(problem, shapes),
     )
+
+
+def _rubbed(problem: Problem, shapes: list[Shape]) -> Rubbed | None:
+    """What is left of the contacts that rub, in the order of the request's."""
+    if problem.contacts is None or problem.contacts.rubbing is None:
+        return None
+    rubs, ends = problem.contacts.rubbing.contact, cuts(problem)
+    s, anchor, is_sticking = np.zeros(len(rubs)), np.zeros((len(rubs), 3)), np.zeros(len(rubs), dtype=np.int64)
+    for (first, last), shape in zip(pairwise(ends), shapes, strict=True):
+        own = np.flatnonzero(np.isin(rubs, of_piece(problem, first, last)[1]))
+        if len(own) and shape.rubbed is not None:
+            s[own], anchor[own], is_sticking[own] = shape.rubbed.s + first, shape.rubbed.anchor, shape.rubbed.is_sticking
+    return Rubbed(s=s, anchor=anchor, is_sticking=is_sticking)
 
 
 def _worst(choose: Callable[[list[float]], float], values: list[float | None]) -> float | None:
@@ -162,9 +176,26 @@ def of_piece(problem: Problem, first: float, last: float) -> tuple[np.ndarray, n
 
 
 def _part_of(contacts: Contacts, chosen: np.ndarray, first: float) -> Contacts:
-    columns = {name: getattr(contacts, name)[chosen] for name in contacts.__struct_fields__}
+    columns = {name: getattr(contacts, name)[chosen] for name in contacts.__struct_fields__ if name != "rubbing"}
     columns["s"] = columns["s"] - first
-    return Contacts(**columns)
+    return Contacts(**columns, rubbing=_rubbing(contacts.rubbing, chosen, first))
+
+
+def _rubbing(rubbing: Rubbing | None, chosen: np.ndarray, first: float) -> Rubbing | None:
+    """Of the contacts `chosen`; what was held on another piece is held at the end of this one."""
+    if rubbing is None:
+        return None
+    own = np.flatnonzero(np.isin(rubbing.contact, chosen))
+    if not len(own):
+        return None
+    return Rubbing(
+        contact=np.searchsorted(chosen, rubbing.contact[own]),
+        law=rubbing.law[own],
+        s=rubbing.s[own] - first,
+        anchor=rubbing.anchor[own],
+        laws=rubbing.laws,
+        time_step=rubbing.time_step,
+    )
 
 
 def _start(start: Start, first: float, last: float, length: float, forces: np.ndarray) -> Start:

@@ -55,11 +55,13 @@ def port(system: System, state: State, path: ModuleType) -> Port:
         path: `numpy_path`, or the compiled `kernels`.
 
     Raises:
-        CablecosimError: If the last node is not clamped, nothing else holds the cable, or it has a micro-structure length.
+        CablecosimError: If the last node is not clamped, nothing else holds the cable, or it has a micro-structure length or friction.
     """
     rod = system.rod
     if len(rod.elastic.smoothing):
         raise CablecosimError("a port is not built for 'micro_length'; leave it out")
+    if len(rod.rub.element):
+        raise CablecosimError("a port is not built for contacts with friction; give them 'none' or 'bond'")
     clamp, last = int(rod.clamp_of_node[-1]), len(system.mesh.grasp_nodes) - 1
     if clamp < 0 or np.count_nonzero(system.row_grasp == last) != 3:
         raise CablecosimError("a port is the clamp at the end of a cable that is held elsewhere too; add a grasp, or turn the cable round")

@@ -8,9 +8,11 @@ from types import ModuleType
 import numpy as np
 
 from protocol.kinds import Hold
-from protocol.messages import Problem
+from protocol.messages import Problem, Rubbed
 
+from . import effects
 from .balance import balanced, cross_sum
+from .border import SOFTNESS
 from .equilibrium import Settled
 from .system import System
 
@@ -44,6 +46,7 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     if len(contact_forces):
         np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:]], pulls[on_grasp:])
         np.add.at(contact_forces, rod.touch.contact, state.push[:, None] * view.push)
+        contact_forces[rod.rub.contact] += np.einsum("fa,fax->fx", state.drag, rod.rub.axes)
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
@@ -74,7 +77,30 @@ def _contact_moments(system: System, found: Settled, count: int) -> Array:
     moments = _crosses(_on_axis(view.nodes, rod.touch.element, state.fraction), view.push)
     moments += view.numbers[:, 2:3] * _crosses(view.axes[rod.touch.element, 2], view.normal)
     np.add.at(out, rod.touch.contact, state.push[:, None] * moments)
+    if len(state.drag):
+        held = _on_axis(view.nodes, rod.rub.element, rod.rub.fraction)
+        out[rod.rub.contact] += _crosses(held, np.einsum("fa,fax->fx", state.drag, rod.rub.axes))
     return out
+
+
+def rubbed(problem: Problem, system: System, found: Settled, contact_s: Array, path: ModuleType) -> Rubbed | None:
+    """Where the contacts with friction are held from now on; None without any.
+
+    What slides is held where it is, less the way by which its spring gives way under the force that it bears at rest.
+    """
+    contacts, rod, state = problem.contacts, system.rod, found.state
+    if contacts is None or contacts.rubbing is None:
+        return None
+    friction = effects.load("friction")
+    rub, normal = rod.rub, path.normal_forces(rod, state.push)
+    rest = np.array([path.drag_limit(rub, k, 0.0, normal[k])[0] for k in range(len(normal))])
+    size = np.linalg.norm(state.drag, axis=1)
+    share = SOFTNESS / rod.force_scale * np.minimum(1.0, rest / np.where(size > 0.0, size, 1.0))
+    lag = share[:, None] * np.einsum("fa,fax->fx", state.drag, rub.axes)
+    s = contact_s[rub.contact]
+    places = _on_axis(found.seen.nodes, *system.mesh.locate(s))
+    answer: Rubbed = friction.rubbed(contacts, friction.laws(contacts), rub, s, places, lag, state.sticks)
+    return answer
 
 
 def _crosses(first: Array, second: Array) -> Array:

@@ -41,7 +41,9 @@ def transfer(path: ModuleType, finer: System, coarser: System, state: State) -> 
         total = np.bincount(coarse, weights=state.push, minlength=int(fine.max()) + 1)
         first = np.unique(fine, return_index=True)[1]
         push[first] = total[fine[first]]
-    return moved._replace(force=state.force.copy(), holds=state.holds.copy(), push=push, touches=push > 0.0)
+    return moved._replace(
+        force=state.force.copy(), holds=state.holds.copy(), push=push, touches=push > 0.0, drag=state.drag.copy(), sticks=state.sticks
+    )
 
 
 def _middles(system: System, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -52,6 +52,41 @@ class Touch(NamedTuple):
     distance: np.ndarray  # (m,) m
 
 
+class Rub(NamedTuple):
+    """Contacts with friction, one row for each contact of the request that rubs, and the numbers of their laws; see `drag`."""
+
+    contact: np.ndarray  # (f,) int, which contact of the request
+    element: np.ndarray  # (f,) int, segment of the material point that is held
+    fraction: np.ndarray  # (f,) its place along it
+    axes: np.ndarray  # (f, 2, 3) unit, square to the normal and to each other
+    anchor: np.ndarray  # (f, 3) m, where the point was held
+    coefficient: np.ndarray  # (f,) mu
+    speed: np.ndarray  # (f,) m/s, v0
+    table: np.ndarray  # (f,) int, which table, -1 for none
+    speeds: np.ndarray  # (t, k) m/s, of the tables
+    normals: np.ndarray  # (t, q) N
+    forces: np.ndarray  # (t, k, q) N
+    counts: np.ndarray  # (t, 2) int, how many speeds and normal forces each has
+    time_step: float  # s
+
+
+NO_RUB = Rub(
+    contact=np.zeros(0, dtype=np.int64),
+    element=np.zeros(0, dtype=np.int64),
+    fraction=np.zeros(0),
+    axes=np.zeros((0, 2, 3)),
+    anchor=np.zeros((0, 3)),
+    coefficient=np.zeros(0),
+    speed=np.zeros(0),
+    table=np.zeros(0, dtype=np.int64),
+    speeds=np.zeros((0, 0)),
+    normals=np.zeros((0, 0)),
+    forces=np.zeros((0, 0, 0)),
+    counts=np.zeros((0, 2), dtype=np.int64),
+    time_step=1.0,
+)
+
+
 class Rod(NamedTuple):
     """One cable with bending and twist under its boundary conditions, on one mesh."""
 
@@ -65,6 +100,8 @@ class Rod(NamedTuple):
     give: np.ndarray  # (n-1,) m/N, length over EA; empty if the cable does not stretch
     held: Held
     touch: Touch
+    rub: Rub
+    rub_of: np.ndarray  # (m,) int, which row of `rub` the contact of a row has, -1 for none
     length: float  # m
     stiffest: float  # N m^2, largest stiffness against bending
     weight: float  # N, size of the load as a whole
@@ -82,6 +119,9 @@ class State(NamedTuple):
     push: np.ndarray  # (m,) N, at every contact
     touches: np.ndarray  # (m,) bool, contacts that push
     fraction: np.ndarray  # (m,) place of each contact along its segment
+    drag: np.ndarray  # (f, 2) N, friction along the axes of `Rub`
+    sticks: np.ndarray  # (f,) bool, contacts that touch and do not slide
+    ease: np.ndarray  # (f,) m/N, how friction gives way in a descent; not used with exact rows
 
 
 class View(NamedTuple):
@@ -97,6 +137,7 @@ class View(NamedTuple):
     slide: np.ndarray  # (m, 3)
     across: np.ndarray  # (m, 3)
     numbers: np.ndarray  # (m, 4), see `contact_geometry`
+    slip: np.ndarray  # (f, 2) m, material point less its anchor, along the axes of `Rub`
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,8 +173,21 @@ def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
         touch.distance,
     )
     force, touches = _handed_over(touch, gap, state.push, state.touches)
-    moved = State(frames=state.frames, force=state.force, holds=state.holds, push=force, touches=touches, fraction=fraction)
-    return moved, View(axes, lengths, nodes, miss, gap, normal, push, slide, across, numbers)
+    moved = State(state.frames, state.force, state.holds, force, touches, fraction, state.drag, state.sticks, state.ease)
+    return moved, View(axes, lengths, nodes, miss, gap, normal, push, slide, across, numbers, _slips(rod.rub, nodes))
+
+
+@njit(cache=True, error_model="numpy")
+def _slips(rub, nodes):  # type: ignore[no-untyped-def]
+    """How far material points have gone along the surface since they were held, (f, 2) [m]."""
+    out = np.zeros((len(rub.element), 2))
+    for row in range(len(out)):
+        j, f = rub.element[row], rub.fraction[row]
+        for k in range(3):
+            away = nodes[j, k] + f * (nodes[j + 1, k] - nodes[j, k]) - rub.anchor[row, k]
+            out[row, 0] += rub.axes[row, 0, k] * away
+            out[row, 1] += rub.axes[row, 1, k] * away
+    return out
 
 
 @njit(cache=True, error_model="numpy")
@@ -176,6 +230,9 @@ def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     for row in range(len(state.push)):
         if state.push[row] != 0.0:
             _share(forces, rod.touch.element[row], state.fraction[row], state.push[row], push_direction[row])
+    for row in range(len(state.drag)):
+        for axis in range(2):
+            _share(forces, rod.rub.element[row], rod.rub.fraction[row], state.drag[row, axis], rod.rub.axes[row, axis])
     return forces
 
 

@@ -50,12 +50,14 @@ def sensitivities(problem: Problem, gravity: Vector, shape: Shape) -> Sensitivit
         shape: Converged, of a rod, as `solve` answered; on its mesh.
 
     Raises:
-        CablecosimError: If the shape is not that of a rod, or no equilibrium of the problem.
+        CablecosimError: If the shape is not that of a rod, or no equilibrium of the problem, or a contact has friction.
     """
     if shape.outcome is not Outcome.CONVERGED:
         raise CablecosimError(f"sensitivities need a converged shape; this one is {shape.outcome.value}")
     if shape.model != "rod":
         raise CablecosimError(f"sensitivities are built for a rod; this shape is of the model {shape.model}")
+    if effects.rubs(problem):
+        raise CablecosimError(f"sensitivities are not built {effects.WITH_FRICTION}")
     begun = Start(s=shape.s, frames=shape.frames, grasp_forces=np.ascontiguousarray(shape.grasp_wrenches[:, :3]))
     touched = problem.contacts
     if touched is not None:

@@ -16,7 +16,7 @@ from protocol.scene import Cable, Vector
 from . import effects
 from .mesh import Mesh
 from .numpy_path import directors
-from .rod import Elastic, Held, Rod, State, Touch
+from .rod import NO_RUB, Elastic, Held, Rod, Rub, State, Touch
 
 KICK_MOST = 0.05  # rad, how far to go off a saddle
 
@@ -30,6 +30,7 @@ class System:
     force: np.ndarray  # (h,) N, of every row of held points, to start from
     push: np.ndarray  # (m,) N, of every contact, to start from
     fraction: np.ndarray  # (m,) place of every contact along its segment, to start from
+    drag: np.ndarray  # (f, 2) N, of every contact with friction, to start from
     base: int  # which grasp is the origin of positions, and has no rows
     row_grasp: np.ndarray  # (h,) int, which grasp each row holds; -1 for a bond
     bond_contact: np.ndarray  # (b,) int, which contact of the request each bond is
@@ -43,6 +44,9 @@ class System:
             push=self.push.copy(),
             touches=self.push > 0.0,
             fraction=self.fraction.copy(),
+            drag=self.drag.copy(),
+            sticks=np.zeros(len(self.drag), dtype=bool),
+            ease=np.zeros(len(self.drag)),
         )
 
 
@@ -60,6 +64,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
     base = next(k for k, hold in enumerate(grasps.hold) if hold is not Hold.GUIDE)
     held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
     touch, push, fraction = _touch(problem, used, mesh, touching)
+    rub, rub_of, drag = _rub(problem, used, mesh, touch)
     shortest, kick = _spans(problem)
     rod = Rod(
         lengths=np.array(mesh.lengths),
@@ -72,6 +77,8 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
         give=matter.give,
         held=held,
         touch=touch,
+        rub=rub,
+        rub_of=rub_of,
         length=cable.length,
         stiffest=matter.stiffest,
         weight=matter.weight,
@@ -79,7 +86,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
         shortest=shortest,
         kick=kick,
     )
-    return System(mesh, rod, force, push, fraction, base, row_grasp, bond_contact)
+    return System(mesh, rod, force, push, fraction, drag, base, row_grasp, bond_contact)
 
 
 @dataclass(frozen=True)
@@ -186,7 +193,7 @@ def grouped(problem: Problem, used: tuple[str, ...]) -> Any:
     if "contact" not in used:
         return None
     assert problem.contacts is not None
-    chosen = np.flatnonzero(problem.contacts.friction == FRICTION_CODES.index(Friction.NONE))
+    chosen = np.flatnonzero(problem.contacts.friction != FRICTION_CODES.index(Friction.BOND))
     return effects.load("contact").grouped(problem.contacts, chosen)
 
 
@@ -198,6 +205,18 @@ def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -
         return rows
     none, points = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
     return Touch(none, none, none, points, points, points, np.zeros((0, 2)), np.zeros(0)), np.zeros(0), np.zeros(0)
+
+
+def _rub(problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: Touch) -> tuple[Rub, np.ndarray, np.ndarray]:
+    """Rows of friction, which of them every row of `touch` (m,) belongs to, and their forces; none without friction."""
+    if "friction" not in used:
+        return NO_RUB, np.full(len(touch.contact), -1, dtype=np.int64), np.zeros((0, 2))
+    assert problem.contacts is not None
+    friction = effects.load("friction")
+    rub, drag = friction.rows(problem.contacts, friction.laws(problem.contacts), mesh)
+    row_of_contact = np.full(len(problem.contacts.s), -1, dtype=np.int64)
+    row_of_contact[rub.contact] = np.arange(len(rub.contact))
+    return rub, row_of_contact[touch.contact], drag
 
 
 def _spans(problem: Problem) -> tuple[float, float]:

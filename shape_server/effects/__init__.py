@@ -9,7 +9,7 @@ sums what the effects add without knowing any of them by name:
 - `give(cable, mesh)`: growth of every segment under a unit of tension [m/N];
 - `smoothing(cable, mesh)`: stiffness of every segment against a difference of curvature between its ends [N m^3];
 - `rows(contacts, chosen, mesh)`: border rows, each with a force as its unknown; of one-sided contacts what `grouped` says of them
-  is in the place of `chosen`.
+  is in the place of `chosen`, of those with friction what `laws` says of them.
 """
 
 from __future__ import annotations
@@ -32,10 +32,14 @@ ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
     "preform": lambda problem, _: _has(problem.cable, "natural_curvature"),
     "micro_length": lambda problem, _: problem.cable.micro_length is not None,
     "stretch": lambda problem, _: problem.cable.stretch is not None,
-    "contact": lambda problem, _: _has_contact(problem, Friction.NONE),
+    "contact": lambda problem, _: _has_contact(problem, Friction.NONE) or rubs(problem),
+    "friction": lambda problem, _: rubs(problem),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),
 }
 """Every effect and the question whether a problem asks for it; the key is the name of its file."""
+
+
+WITH_FRICTION: Final = "for contacts with friction, whose answer depends on the path taken; give them 'none' or 'bond', or use solve()"
 
 
 def asked_for(problem: Problem, gravity: Vector) -> tuple[str, ...]:
@@ -50,6 +54,11 @@ def load(name: str) -> ModuleType:
 
 def _has_contact(problem: Problem, friction: Friction) -> bool:
     return problem.contacts is not None and bool((problem.contacts.friction == FRICTION_CODES.index(friction)).any())
+
+
+def rubs(problem: Problem) -> bool:
+    """Whether a contact has a kind of friction whose force depends on how far it slides."""
+    return problem.contacts is not None and problem.contacts.rubbing is not None and len(problem.contacts.rubbing.contact) > 0
 
 
 def _has(cable: Cable, name: str) -> bool:

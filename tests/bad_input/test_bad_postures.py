@@ -52,8 +52,8 @@ MISTAKES = [
     (
         "normal = [0, 0, 1]",
         'normal = [0, 0, 1]\nfriction = "regularized"',
-        "21: contacts[0].friction: 'regularized' unknown; there are 'bond', 'none' "
-        "('regularized', 'signum' and 'defined' of the paper are not built yet)",
+        "21: contacts[0].friction: 'regularized' depends on how the cable came there, which a posture does not say; "
+        "there are 'bond', 'none'",
     ),
     # parts of the cable
     (TWIST, f"{TWIST}\ntwist_stiffness = 1", "9: cable.twist_stiffness: unknown key; did you mean 'twist'?"),

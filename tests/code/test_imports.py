@@ -91,7 +91,7 @@ def test_programs_make_changed_copies_of_messages_and_know_nothing_else_of_the_c
         "protocol/checkpoint.py",
         "protocol/codec.py",
         "protocol/messages.py",
-        "protocol/parts.py",
+        "protocol/part.py",
         "protocol/scene_file.py",
     }
     for path in importers("msgspec", *PROGRAMS):

@@ -19,12 +19,16 @@ from protocol.messages import (
     Finished,
     Frame,
     FrameRequest,
+    FrictionLaw,
+    FrictionTable,
     Grasps,
     Hello,
     Pause,
     PointLoads,
     Problem,
     Resume,
+    Rubbed,
+    Rubbing,
     Shape,
     ShapeReply,
     ShapeRequest,
@@ -82,9 +86,17 @@ def contacts() -> Contacts:
         direction=np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0]]),
         extent=np.array([[0.0, 0], [0.1, 0.2], [0, 0]]),
         distance=np.full(3, 0.0045),
-        friction=np.array([0, 1, 0]),
+        friction=np.array([0, 1, 4]),
         force=np.zeros((3, 3)),
+        rubbing=rubbing(),
     )
+
+
+def rubbing() -> Rubbing:
+    """Of the vertex, with a table."""
+    table = FrictionTable(speeds=np.array([0.0, 0.1]), normals=np.array([1.0, 2.0]), forces=np.array([[0.4, 0.7], [0.3, 0.6]]))
+    law = FrictionLaw(coefficient=0.3, speed=0.01, table=table)
+    return Rubbing(contact=np.array([2]), law=np.array([0]), s=np.array([0.9]), anchor=np.full((1, 3), 0.5), laws=(law,), time_step=0.02)
 
 
 def start() -> Start:
@@ -118,6 +130,7 @@ def shape() -> Shape:
         margin=0.3,
         fold=2.5,
         cost=Cost(solve=1e-3, estimate=1e-4, certify=1e-5, factorisations=4, path="numba"),
+        rubbed=Rubbed(s=np.array([0.9]), anchor=np.full((1, 3), 0.5), is_sticking=np.array([1])),
     )
 
 
@@ -127,7 +140,11 @@ def scene() -> Scene:
         cables=(CABLE,),
         grippers=(Gripper(name="left", cable="trunk", at=0.0, position=(0.0, 0.0, 1.0), tangent=(1.0, 0.0, 0.0), arm="left"),),
         moves=(Move(name="down", duration=1.0, targets=(Target(gripper="left", by=(0.0, 0.0, -0.1)),)),),
-        bodies=(Body(name="dashboard", generate="dashboard", friction=Friction.BOND),),
+        bodies=(
+            Body(name="dashboard", generate="dashboard", friction=Friction.BOND),
+            Body(name="beam", generate="beam", friction=Friction.REGULARIZED, friction_coefficient=0.3, friction_speed=0.01),
+            Body(name="wall", mesh="wall.stl", friction=Friction.DEFINED, friction_table=((0.0, 0.3, 0.5),), friction_normals=(1.0, 2.0)),
+        ),
         robot=Robot(arms=(Arm(name="left", tip="hand", hand=("finger",)),)),
         pictures=(Picture(name="1", after="down"),),
     )

@@ -164,7 +164,8 @@ OPTIONAL = {
     ("Welcome", "scene_hash"), ("Error", "key"), ("StartRun", "recorders"), ("Statistics", "silent"),
     ("ShapeRequest", "contacts"), ("ShapeRequest", "start"),
     ("ShapeRequest", "loads"), ("ShapeRequest", "model"), ("ShapeRequest", "turns"), ("ShapeRequest", "branch"),
-    ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
+    ("ShapeRequest", "coefficient"), ("ShapeRequest", "speed"), ("ShapeRequest", "table"),
+    ("ShapeReply", "rubbed"), ("Frame", "rubbed"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
 

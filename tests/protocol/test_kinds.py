@@ -20,7 +20,7 @@ def test_the_values_on_the_wire_are_these() -> None:
     assert [outcome.value for outcome in Outcome] == ["converged", "unreachable", "not_converged", "unstable", "unsupported"]
     assert [hold.value for hold in Hold] == ["clamp", "hinge", "guide"]
     assert [model.value for model in Model] == ["auto", "taut", "catenary", "gradient", "rod"]
-    assert [friction.value for friction in FRICTION_CODES] == ["none", "bond"]
+    assert [friction.value for friction in FRICTION_CODES] == ["none", "bond", "regularized", "signum", "defined"]
     assert set(FRICTION_CODES) == set(Friction)
     assert [(feature.name, feature.value) for feature in Feature] == [("FACE", 0), ("EDGE", 1), ("VERTEX", 2)]
 

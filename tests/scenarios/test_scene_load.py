@@ -94,9 +94,39 @@ BAD = [  # what is replaced, by what, and the sentence after the file's name
     ('diameter = "9 mm"', "diameter = 2", "7: cables[0].diameter: 2 m must be smaller than the cable's length, 1.2 m"),
     (
         '"bond"',
-        '"signum"',
-        "18: bodies[0].friction: 'signum' unknown; there are 'bond', 'none' "
-        "('regularized', 'signum' and 'defined' of the paper are not built yet)",
+        '"sticky"',
+        "18: bodies[0].friction: 'sticky' unknown; there are 'bond', 'none', 'regularized', 'signum', 'defined'",
+    ),
+    ('"bond"', '"signum"', "15: bodies[0].friction_coefficient: missing; friction 'signum' needs it"),
+    (
+        '"bond"',
+        '"bond"\nfriction_coefficient = 0.3',
+        "19: bodies[0].friction_coefficient: given for friction 'bond'; it has no numbers",
+    ),
+    (
+        '"bond"',
+        '"regularized"\nfriction_coefficient = 0.3',
+        "15: bodies[0].friction_speed: missing; friction 'regularized' needs it",
+    ),
+    (
+        '"bond"',
+        '"regularized"\nfriction_coefficient = 0.3\nfriction_speed = "3 mm"',
+        "20: bodies[0].friction_speed: '3 mm' is not a speed; give a number in m/s or a string such as \"20 mm/s\"",
+    ),
+    (
+        '"bond"',
+        '"signum"\nfriction_coefficient = -0.1',
+        "19: bodies[0].friction_coefficient: -0.1 must be at least 0",
+    ),
+    (
+        '"bond"',
+        '"defined"\nfriction_table = [[0.0, 0.4], [0.0, 0.3]]',
+        "19: bodies[0].friction_table: the speeds must begin with 0 and grow strictly",
+    ),
+    (
+        '"bond"',
+        '"defined"\nfriction_table = [[0.0, 0.4, 1.0]]',
+        "19: bodies[0].friction_table: every row must have a speed and a coefficient",
     ),
     ('"part.stl"', "7", "17: bodies[0].mesh: 7 is not a text; give a text in quotes"),
     ('mesh = "part.stl"', 'generate = "wing"', "17: bodies[0].generate: 'wing' unknown; there are 'dashboard', 'beam'"),

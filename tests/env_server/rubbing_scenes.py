@@ -1,0 +1,146 @@
+"""Scenes whose bodies rub, stepped by the very loop of the environment, with the shape server in the same process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from env_server.boundary import Boundary
+from env_server.hanging import Hanging
+from env_server.loop import Loop
+from env_server.stage import Posture, Stage
+from env_server.stepped import Stepped
+from protocol.kinds import Friction, Hold
+from protocol.messages import Bill, Problem, Shape, ShapeReply, ShapeRequest, Start
+from protocol.scene import Body, Cable, Gripper, Move, Scene, Target
+from shape_server import kernels
+from shape_server.solve import answer
+
+RADIUS = 0.0045  # m
+DOWN = (0.0, 0.0, -9.81)
+
+
+class InProcess:
+    """Answers at once, in place of `Asker`."""
+
+    coding = 0.0
+
+    def __init__(self, path: Any = kernels) -> None:
+        self._path = path
+        self.requests: list[ShapeRequest] = []
+
+    def send(self, request: ShapeRequest) -> None:
+        self.requests = [*self.requests[-20:], request]
+
+    def receive(self) -> ShapeReply:
+        request = self.requests[-1]
+        shapes = tuple(answer(problem, request, self._path) for problem in request.problems)
+        return ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=0.0)
+
+
+class Moved:
+    """A stage whose bodies are where a function of time puts them, (bodies, 7)."""
+
+    def __init__(self, stage: Stage, poses: Callable[[float], np.ndarray] | None) -> None:
+        self._stage, self._poses = stage, poses
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stage, name)
+
+    def at_step(self, step: int) -> Posture:
+        return self._moved(self._stage.at_step(step))
+
+    def between(self, time: float, seed: np.ndarray) -> Posture:
+        return self._moved(self._stage.between(time, seed))
+
+    def _moved(self, posture: Posture) -> Posture:
+        return posture if self._poses is None else replace(posture, surfaces=self._poses(posture.time))
+
+
+@contextmanager
+def stepping(scene: Scene, start: Start, poses: Callable[[float], np.ndarray] | None = None, path: Any = kernels) -> Iterator[Loop]:
+    """A loop that goes on from a shape that rests as it is, held there by friction where it is touched."""
+    stage = Stage(scene, lambda _: None)
+    try:
+        moved: Any = Moved(stage, poses)
+        asker: Any = InProcess(path)
+        loop = Loop(moved, asker, "session")
+        loop._now = _begun(loop, moved, scene, start, path)
+        yield loop
+    finally:
+        stage.close()
+
+
+def _begun(loop: Loop, stage: Any, scene: Scene, start: Start, path: Any) -> Stepped:
+    """The step before the first: the shape of `start`, with friction that has it held where it is."""
+    posture = stage.at_step(0)
+    grasps = stage.grasps(scene.cables[0].name, posture)
+    tangents = Rotation.from_quat(start.frames).apply([0.0, 0.0, 1.0])
+    nodes = np.vstack([np.zeros(3), np.cumsum(np.diff(start.s)[:, None] * tangents, axis=0)])
+    held = int(np.argmin(np.abs(start.s - grasps.s[0])))
+    nodes = nodes + grasps.position[0] - nodes[held]
+    boundary: Boundary = loop._fresh(0)
+    shape = solve_once(scene, Problem(cable=scene.cables[0], grasps=grasps), path)
+    drawn = shape_with(shape, start, nodes)
+    before = replace(posture, time=posture.time - scene.time_step)
+    boundary = boundary.anchored(None, drawn, before.surfaces, before.time)
+    near = Hanging(drawn, boundary, *loop._search(0, drawn, posture, None))
+    bill = Bill(solve=0.0, search=0.0, robot=0.0, encode=0.0, wire=0.0, wait=0.0, total=0.0)
+    loop._now = Stepped(before, (near,), 0, (), bill)
+    return loop.advance(0)
+
+
+def solve_once(scene: Scene, problem: Problem, path: Any) -> Shape:
+    """Any shape of a problem, for its fields."""
+    request = ShapeRequest(session="s", step=0, round=0, gravity=scene.gravity, tolerance=1.0, problems=(problem,))
+    return answer(problem, request, path)
+
+
+def shape_with(shape: Shape, start: Start, nodes: np.ndarray) -> Shape:
+    """A shape of nodes and frames alone."""
+    import msgspec
+
+    count = len(start.s)
+    return msgspec.structs.replace(
+        shape,
+        s=start.s,
+        nodes=nodes,
+        frames=start.frames,
+        tension=np.zeros(count - 1),
+        curvature=np.zeros(count),
+        grasp_wrenches=np.hstack([start.grasp_forces, np.zeros_like(start.grasp_forces)]),
+        error=None,
+    )
+
+
+def saved(folder: Path, name: str, vertices: np.ndarray, triangles: np.ndarray) -> str:
+    """A mesh in a file."""
+    file = folder / f"{name}.ply"
+    trimesh.Trimesh(vertices, triangles, process=False).export(file)
+    return str(file)
+
+
+def floor(folder: Path, half: float = 3.0) -> str:
+    """A large plate whose upper side is z = 0."""
+    box = trimesh.creation.box((2 * half, 2 * half, 0.2))
+    return saved(folder, "floor", box.vertices - [0.0, 0.0, 0.1], box.faces)
+
+
+def cylinder(folder: Path, radius: float, sections: int) -> str:
+    """A prism around the y axis whose edges touch a circle from within."""
+    angles = 2 * np.pi * np.arange(sections) / sections
+    ring = radius * np.column_stack([np.cos(angles), np.zeros(sections), np.sin(angles)])
+    vertices = np.vstack([ring + [0.0, -0.1, 0.0], ring + [0.0, 0.1, 0.0]])
+    here, after = np.arange(sections), (np.arange(sections) + 1) % sections
+    sides = np.vstack([np.column_stack([here, here + sections, after]), np.column_stack([after, here + sections, after + sections])])
+    return saved(folder, "cylinder", vertices, sides)
+
+
+__all__ = ["DOWN", "RADIUS", "Body", "Cable", "Friction", "Gripper", "Hold", "Move", "Scene", "Target", "cylinder", "floor", "stepping"]
