@@ -43,6 +43,9 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hang
     contacts = problem.contacts
     assert contacts is not None
     is_bond = contacts.friction == FRICTION_CODES.index(Friction.BOND)
+    if not (is_bond | (contacts.friction == FRICTION_CODES.index(Friction.NONE))).all():
+        sentence = "a cable without bending is bonded to what it touches or slides without friction; give it 'bending' and 'twist' to rub"
+        return nothing(problem, Outcome.UNSUPPORTED, sentence)
     held = _Held(_separate(problem, is_bond), [], [])
     groups = grouped(contacts, np.flatnonzero(~is_bond))
     found = [slides_of(contacts, groups.chosen[own].tolist()) for own in groups.features]
