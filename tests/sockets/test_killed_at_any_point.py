@@ -73,7 +73,8 @@ def spoiled(folder: Path, points: dict[str, Sequence[str]], number: str, monkeyp
 
 def check(folder: Path, undisturbed: Path, notes: Notes, faults: int) -> None:
     """Every fault came, and nothing came of it."""
-    assert len(notes.restarts) == faults
+    assert len(notes.restarts) >= faults  # one more if the machine is so busy that a healthy program seems to hang
+    assert [path.read_text(encoding="utf-8") for path in folder.glob("*.points")] == [""] * len(list(folder.glob("*.points")))
     first, second = recorded(undisturbed), recorded(folder / "run")
     assert len(second) == STEPS + 3
     assert second == first
