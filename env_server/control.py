@@ -68,6 +68,7 @@ class Control:
         self._is_paused = False
         self._is_stopped = False
         self._is_closing = False
+        self._heard = time.monotonic()
         self._thread = threading.Thread(target=self._listen, name="control", daemon=True)
         self._thread.start()
 
@@ -122,9 +123,9 @@ class Control:
         self._wake.set()
 
     def wait_for_stop(self, limit: float) -> None:
-        """Go on answering until somebody says stop, at most `limit` seconds."""
-        end = time.monotonic() + limit
-        while not self._is_stopped and time.monotonic() < end:
+        """Go on answering until somebody says stop, or nobody has said anything for `limit` seconds."""
+        self._heard = time.monotonic()
+        while not self._is_stopped and time.monotonic() - self._heard < limit:
             self._wake.wait(POLL)
             self._wake.clear()
 
@@ -138,6 +139,7 @@ class Control:
         while not self._is_closing:
             received = self._server.receive(POLL)
             if received is not None:
+                self._heard = time.monotonic()
                 peer, message = received
                 answer = self._answer(message)
                 if isinstance(answer, bytes):

@@ -33,7 +33,7 @@ from .stepped import Stepped, touch_points
 
 RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
 COMPILING: Final = "; kernels compile beside the run, once, for a minute or two, and numpy serves meanwhile"
-LINGER: Final = 60.0  # s to go on answering after the run
+LINGER: Final = 60.0  # s to go on answering after the run and the last question
 LIBRARIES: Final = ("numpy", "scipy", "numba", "pyzmq", "pybullet", "trimesh", "manifold3d", "msgspec")
 
 

@@ -26,7 +26,7 @@ from .sockets import SEND_LIMIT, Bound, connected
 SIZE_MAX: Final = 32 * 2**20  # bytes of a request or reply; 20 000 nodes take 4.2 MB
 SNAPSHOT_SIZE_MAX: Final = 256 * 2**20  # bytes of a message from the environment, which may hold meshes
 QUEUE: Final = 20  # messages from or to one peer of a server; who asks waits for the answer, so that more is abuse
-SUBSCRIPTION_MAX: Final = 64  # bytes of what a subscriber may say
+SUBSCRIPTION_MAX: Final = 1024  # bytes of what a subscriber may say; the greeting with keys takes 300
 
 
 class Server:

@@ -17,6 +17,7 @@ import numpy as np
 from .errors import CablecosimError, MessageError
 from .messages import AnyMessage, Message, ShapeRequest
 from .scene import Cable, LumpedMass, Section
+from .skeleton import look
 
 _DTYPES: Final = {"<f8": np.dtype("<f8"), "<i8": np.dtype("<i8")}
 
@@ -33,6 +34,7 @@ def decode(data: bytes) -> AnyMessage:
         MessageError: If the bytes are no message of ours, or one of its values is out of range; names the field.
     """
     try:
+        look(data)
         message: AnyMessage = _DECODER.decode(data)
         if isinstance(message, ShapeRequest):
             _check_cable_fields(data)

@@ -57,6 +57,7 @@ def run(
         Literal["auto", "compiled", "numpy"],
         Parameter(help="Solve by compiled kernels, by numpy, or (auto) by numpy until the kernels are compiled."),
     ] = "auto",
+    keys: Annotated[Path | None, Parameter(help="Encrypt everything with the keys of this folder; see `cablecosim keys`.")] = None,
 ) -> int:
     """Run a scene in three processes; write a recording, pictures, a replay page and a summary."""
     from . import summary
@@ -65,7 +66,7 @@ def run(
     from .progress import display
 
     loaded = load(scene, settings or ())
-    ended = launch(loaded, scene_name(scene), display(), out=out, kernels=kernels, replay=replay)
+    ended = launch(loaded, scene_name(scene), display(), out=out, kernels=kernels, replay=replay, keys=keys)
     console = Console()
     console.print(summary.table(ended.summary))
     console.print(f"written to {ended.folder}", markup=False, soft_wrap=True)
@@ -74,6 +75,21 @@ def run(
     if not ended.summary["complete"]:
         _say(ended.summary["sentence"])
         return 1
+    return 0
+
+
+@app.command
+def keys(folder: Annotated[Path, Parameter(help="A new folder, for you alone.")], /) -> int:
+    """Make keys, so that programs on other machines may talk to each other, and nobody else to them.
+
+    Give the folder to every program with --keys; an address may then be one that others can reach. Another machine gets a copy of
+    the folder; or keys of its own, from which its client.pub goes into known/ here, and server.pub from here takes the place of its own.
+    """
+    from protocol.keys import make
+    from protocol.sockets import key_pair
+
+    make(folder, key_pair)
+    Console().print(f"written to {folder}: keep server.key and client.key secret", markup=False, soft_wrap=True)
     return 0
 
 

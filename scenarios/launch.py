@@ -27,7 +27,7 @@ from protocol.scene import Scene
 
 from . import summary
 from .children import Child, end_all
-from .keeper import SILENCE, Keeper
+from .keeper import FROM_OUTSIDE, SILENCE, Keeper
 from .progress import Display
 from .remote import POLL, START_LIMIT, Remote
 from .watch import Watch
@@ -222,8 +222,9 @@ class _Run:
             if time.monotonic() > end:
                 sentence = f"viz_client did not end within {DRAW_LIMIT:g} s; see logs/viz_client.log in {self._folder}"
                 raise PeerLostError(sentence, key="viz_client")
+            is_there = self._keeper.child("env_server").code in (None, *FROM_OUTSIDE)
+            self._watch.look(self._remote.state() if is_there else None)
             self._keeper.mend()
-            self._watch.look(None)
             time.sleep(POLL)
 
     def _contacts(self, before: int) -> int:

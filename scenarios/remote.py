@@ -81,13 +81,16 @@ class Remote:
         """The answer to a message, of whichever program there is; a refusal is raised."""
         wanted = Statistics if isinstance(message, StatisticsRequest) else Done
         self._client.send(message)
-        asked = time.monotonic()
+        asked = sent = time.monotonic()
         end = asked + limit
         while time.monotonic() < end:
             if self._look() or self._is_silent(time.monotonic() - asked):
-                asked = time.monotonic()
+                asked = sent = time.monotonic()
                 if isinstance(message, StartRun):  # not before the new program is ready
                     return Done()
+                self._client.send(message)
+            elif isinstance(message, StatisticsRequest) and time.monotonic() - sent > self._keeper.silence / 3:
+                sent = time.monotonic()  # a question may be lost; it changes nothing to put it twice
                 self._client.send(message)
             answer = self._client.receive(POLL)
             if isinstance(answer, Error):

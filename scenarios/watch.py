@@ -16,7 +16,8 @@ from protocol.messages import Statistics
 
 from .keeper import Keeper
 
-FIRST: Final = 60.0  # s for a recorder to begin its recording, or for a shape server to be there and to compile nothing
+FIRST: Final = 20.0  # s for a recorder to begin its recording
+COMPILING: Final = 300.0  # s for a shape server to be there, with every kernel compiled
 LISTENING: Final = "shape server listening at"  # what it prints when it is ready
 
 
@@ -55,7 +56,7 @@ class Watch:
             self._listening = 0.0
         elif not self._listening:
             self._listening = now
-        waited = now - self._listening if self._listening else self._keeper.age(name) - 5 * FIRST
+        waited = now - self._listening if self._listening else self._keeper.age(name) - COMPILING
         if state.silent > silence and waited > silence:
             self._keeper.replace(name, f"gave no sign of life for {silence:g} s")
             self._listening = 0.0

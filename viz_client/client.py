@@ -33,6 +33,7 @@ START_LIMIT: Final = 120.0
 GONE_LIMIT: Final = 15.0
 SILENCE: Final = 5.0
 ANSWER_LIMIT: Final = 5.0
+ASKED_AGAIN: Final = 3  # times, for a frame that did not come
 POLL: Final = 0.05  # s between looks at the signal to stop and at the drawing process
 
 
@@ -251,15 +252,16 @@ class _Session:
 
     def _again(self, sequence: int) -> bytes | None:
         """A message that went by; None if the environment keeps none, or has none yet."""
-        self._client.send(FrameRequest(sequence=sequence))
-        end = time.monotonic() + ANSWER_LIMIT
-        while (left := end - time.monotonic()) > 0:
-            data = self._client.receive_bytes(left)
-            answer = decode(data) if data is not None else None
-            if isinstance(answer, Error):
-                return None
-            if isinstance(answer, Finished) or (isinstance(answer, Frame) and answer.sequence == sequence):
-                return data
+        for _ in range(ASKED_AGAIN):
+            self._client.send(FrameRequest(sequence=sequence))
+            end = time.monotonic() + ANSWER_LIMIT
+            while (left := end - time.monotonic()) > 0 and not self._stop.is_set():
+                data = self._client.receive_bytes(left)
+                answer = decode(data) if data is not None else None
+                if isinstance(answer, Error):
+                    return None
+                if isinstance(answer, Finished) or (isinstance(answer, Frame) and answer.sequence == sequence):
+                    return data
         return None
 
     def _tell_drawn(self, path: Path) -> None:

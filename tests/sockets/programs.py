@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,11 +84,11 @@ class Box:
         """Start a shape server."""
         return self.start("shape_server", "--bind", address or self.at("shape"), "--kernels", "compiled")
 
-    def env_server(self, shape: str | None = None, *options: str) -> Program:
-        """Start an environment with the scene of these tests, on addresses in this folder."""
+    def env_server(self, shape: str | None = None, *options: str, scene: Path = SCENE, settings: Sequence[str] = ()) -> Program:
+        """Start an environment with a scene, that of these tests unless given, on addresses in this folder."""
         addresses = [word for name in ("frames", "live", "control") for word in (f"--{name}", self.at(name))]
-        scene = str(resolved(self.path))
-        return self.start("env_server", "--scene", scene, "--shape", shape or self.at("shape"), *addresses, *options)
+        scene = resolved(self.path, scene, settings)
+        return self.start("env_server", "--scene", str(scene), "--shape", shape or self.at("shape"), *addresses, *options)
 
     def viz_client(self, out: Path, *options: str) -> Program:
         """Start a recorder that draws nothing."""
@@ -108,10 +108,10 @@ def box() -> Iterator[Box]:
                 program.end()
 
 
-def resolved(folder: Path) -> Path:
-    """The scene of these tests as the environment reads it."""
+def resolved(folder: Path, scene: Path = SCENE, settings: Sequence[str] = ()) -> Path:
+    """A scene as the environment reads it."""
     file = folder / "scene.json"
-    file.write_bytes(scene_file.write(scenarios.load(str(SCENE))))
+    file.write_bytes(scene_file.write(scenarios.load(str(scene), settings)))
     return file
 
 
