@@ -21,6 +21,7 @@ from protocol.kinds import FRICTION_CODES, Friction
 from protocol.messages import Contacts, Grasps, Shape
 
 from . import anchors
+from .hits import FACE
 from .poses import inside, outside, turn_inside, turn_outside
 from .touch import Candidates
 
@@ -144,10 +145,16 @@ class Boundary:
 
     def is_settled(self, candidates: Candidates, s: np.ndarray) -> bool:
         """Whether nothing is penetrated, and every push comes from a body that is really there."""
-        if candidates.penetration > DEPTH_OK or candidates.is_crossing.any():
+        if candidates.is_crossing.any():
             return False
         spacing = np.diff(s)
         place = s[candidates.segment] + candidates.fraction * spacing[candidates.segment]
+        # A cable without bending has a kink at a bond to a point or an edge, and passes it within its own radius there.
+        is_kink = np.zeros(len(place), dtype=bool)
+        for bond in self.bonds:
+            is_kink |= (candidates.body == bond.surface) & (candidates.feature != FACE) & (np.abs(place - bond.s) < spacing.max())
+        if (candidates.gap < np.where(is_kink, -self.radius, -DEPTH_OK)).any():
+            return False
         pushes = self.pushes
         near = candidates.gap < GAP_OK + pushes.bulge
         for row in np.flatnonzero(~pushes.is_bond).tolist():

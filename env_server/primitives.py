@@ -24,7 +24,7 @@ from .hits import EDGE, FACE
 from .meshes import Mesh
 from .round_hits import BALL, PLANE, ROD, TUBE, find_round_hits
 from .surface import Surface
-from .touch import Candidates, Touch, keep_normals
+from .touch import NEIGHBOURHOOD, Candidates, Touch, keep_normals
 
 KINDS: Final = {
     Primitive.SPHERE: BALL,
@@ -33,6 +33,9 @@ KINDS: Final = {
     Primitive.CYLINDER: TUBE,
     Primitive.PLANE: PLANE,
 }
+TOUCHING: Final = 1e-5  # m, gap below which a body is touched
+ROOM_HELD: Final = 2e-3  # m that a touched body may move at once; no less is always looked at around a cable
+SMALL: Final = 0.2  # of the distance of a contact, by which it may be corrected
 ROOM: Final = 1e-6  # m, an end of a cylinder nearer to the cable than its radius and this is touched
 
 
@@ -63,7 +66,7 @@ class Primitives:
             SceneError: If the cable has come to an end of a cylinder.
         """
         on_meshes = self._touch.search(nodes, poses[self._meshes], radius, reach, previous=_renumbered(previous, self._meshes))
-        hits, clearance, ends = find_round_hits(
+        hits, near, ends = find_round_hits(
             np.ascontiguousarray(nodes), poses[self._exact], self._kinds, self._halves, self._radii, radius + reach
         )
         if ends.min() < radius + ROOM:
@@ -77,6 +80,9 @@ class Primitives:
         hits["body"] = self._exact[own]
         if previous is not None:
             keep_normals(hits, previous)
+            _keep_sides(hits, previous)
+        is_thin = (self._radii[own] == 0.0) & (hits["feature"] != FACE)
+        _give_room(near, hits, own, hits["distance"] - self._radii[own] - radius, radius, is_thin)
         names = ("segment", "fraction", "body", "feature", "feature_id", "point", "normal", "direction")
         columns = {name: np.concatenate([getattr(on_meshes, name), hits[name]]) for name in names}
         columns["body"][: len(on_meshes.body)] = self._meshes[on_meshes.body]
@@ -86,7 +92,7 @@ class Primitives:
         columns["gap"] = np.concatenate([on_meshes.gap, hits["distance"] - self._radii[own] - radius])
         columns["thickness"] = np.concatenate([on_meshes.thickness, self._radii[own]])
         _see_bends(columns, len(on_meshes.body), nodes, radius)
-        found = Candidates(**columns, clearance=np.minimum(on_meshes.clearance, clearance))
+        found = Candidates(**columns, clearance=np.minimum(on_meshes.clearance, near.min(axis=0)))
         for name in Candidates.__slots__:
             getattr(found, name).setflags(write=False)
         return found
@@ -101,6 +107,30 @@ class Primitives:
         return extent
 
 
+def _keep_sides(hits: np.ndarray, previous: Candidates) -> None:
+    """Leave the cable on the side of a thin body on which it touched it, however far that has moved through it since.
+
+    The side is the mean normal of all places nearby: those of the two pieces beside a sharp bend may be far apart.
+    """
+    is_touched = previous.gap < TOUCHING
+    places = previous.segment + previous.fraction
+    for row in np.flatnonzero(np.isin(hits["body"], previous.body[is_touched])):
+        hit = hits[row]
+        near = (previous.body == hit["body"]) & (np.abs(places - hit["segment"] - hit["fraction"]) < NEIGHBOURHOOD)
+        if (near & is_touched).any() and hit["normal"] @ previous.normal[near].sum(axis=0) < 0.0:
+            hits["normal"][row] *= -1.0
+            hits["distance"][row] *= -1.0
+
+
+def _give_room(near: np.ndarray, hits: np.ndarray, own: np.ndarray, gap: np.ndarray, radius: float, is_thin: np.ndarray) -> None:
+    """Let a point or a line that is touched move by `ROOM_HELD` at once: the side on which it is touched is remembered."""
+    for row in np.flatnonzero((gap < TOUCHING) & is_thin):
+        node = hits["fraction"][row]
+        for segment in range(hits["segment"][row] - (node == 0.0), hits["segment"][row] + 1 + (node == 1.0)):
+            if 0 <= segment < near.shape[1]:
+                near[own[row], segment] = max(near[own[row], segment], ROOM_HELD + radius)
+
+
 def _see_bends(columns: dict[str, np.ndarray], first: int, nodes: np.ndarray, radius: float) -> None:
     """Change rows at nodes, from `first` on, so that the shape server keeps the node where the search found it (bends.py)."""
     at_node = (columns["fraction"] == 0.0) | (columns["fraction"] == 1.0)
@@ -110,8 +140,10 @@ def _see_bends(columns: dict[str, np.ndarray], first: int, nodes: np.ndarray, ra
         return
     node = columns["segment"][rows] + columns["fraction"][rows].astype(np.int64)
     nearer, beyond = bends.seen_from_segments(nodes, node, nodes[node] - columns["point"][rows], columns["direction"][rows])
-    columns["thickness"][rows] -= np.where(beyond > 0.0, nearer, 0.0)
-    is_flat = beyond > bends.FOLLOWED
+    thickness = columns["thickness"][rows]
+    is_small = np.abs(nearer) < SMALL * (thickness + radius)  # larger only at a kink, where the cable is no rod
+    columns["thickness"][rows] -= np.where((beyond > 0.0) & is_small, nearer, 0.0)
+    is_flat = (beyond > bends.FOLLOWED) & (thickness > radius)
     flat = rows[is_flat]
     columns["thickness"][flat] = 0.0
     columns["point"][flat] = (nodes[node] - (columns["gap"][rows] + radius)[:, None] * columns["normal"][rows])[is_flat]

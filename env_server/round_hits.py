@@ -36,16 +36,16 @@ def find_round_hits(
         limit: [m].
 
     Returns:
-        Pairs, `point` on the line, `distance` to it; clearance (n-1,) [m] from axis to surface; and for each body the distance
-        (b,) [m] of the axis to the ends of a cylinder, infinite if they are out of reach.
+        Pairs, `point` on the line, `distance` to it; how near (b, n-1) [m] each segment is to each surface, at most the limit; and
+        for each body the distance (b,) [m] of the axis to the ends of a cylinder, infinite if they are out of reach.
     """
     count = len(nodes) - 1
-    clearance, ends = np.full(count, limit), np.full(len(poses), np.inf)
+    clearance, ends = np.full((len(poses), count), limit), np.full(len(poses), np.inf)
     hits, found = np.empty(3 * (count + 1) * len(poses), PAIR), 0
     for body in range(len(poses)):
         axes, centre = rotation(poses[body]), row(poses, body)
         if kinds[body] == PLANE:
-            found = _search_plane(nodes, body, centre, axes[2], limit, clearance, hits, found)
+            found = _search_plane(nodes, body, centre, axes[2], limit, clearance[body], hits, found)
             continue
         low, high = ahead(centre, axes[2], -halves[body]), ahead(centre, axes[2], halves[body])
         reach = limit + radii[body]
@@ -56,7 +56,7 @@ def find_round_hits(
             kind = kinds[body]
             if kind == TUBE:
                 near = _to_tube(start, end, centre, axes[2], halves[body], radii[body])
-                clearance[segment] = min(clearance[segment], near)
+                clearance[body, segment] = min(limit, near)
             fraction, part = segment_segment(start, end, low, high)
             if kind == TUBE and not 0.0 < part < 1.0:
                 ends[body] = min(ends[body], near)
@@ -65,7 +65,7 @@ def find_round_hits(
             if distance >= reach:
                 continue
             if kind != TUBE:
-                clearance[segment] = min(clearance[segment], distance - radii[body])
+                clearance[body, segment] = min(limit, distance - radii[body])
             found = _add_pairs((start, end), (low, high), segment, body, kind, reach, hits, found)
     return hits[:found], clearance, ends
 

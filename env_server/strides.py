@@ -12,9 +12,12 @@ Source: Mirtich 1996, "Impulse-based dynamic simulation of rigid body systems", 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+
+from protocol.messages import Shape
 
 from .hanging import Hanging
 from .poses import moves
@@ -70,9 +73,22 @@ def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging]) -> 
     """Share of the way that surely passes no body, at most 1, and how far the furthest node goes [m]."""
     farthest, share = 0.0, 1.0
     for before, after in zip(was, now, strict=True):
-        node = np.linalg.norm(after.shape.nodes - before.shape.nodes, axis=1)
-        segment = np.maximum(np.maximum(node[1:], node[:-1]), 1e-12)
-        farthest = max(farthest, float(node.max()))
+        segment = np.maximum(_motion(before.shape, after.shape), 1e-12)
+        farthest = max(farthest, float(segment.max()))
         for clearance, motion in ((before.bodies.clearance, rigid.bodies), (before.links.clearance, rigid.links)):
             share = min(share, float(((clearance - motion) / segment).min()))
     return share, farthest
+
+
+def _motion(before: Shape, after: Shape) -> np.ndarray:
+    """How far at most any point of each segment (n-1,) [m] of the cable as it was has gone."""
+    if np.array_equal(before.s, after.s):
+        node = np.linalg.norm(after.nodes - before.nodes, axis=1)
+        most: np.ndarray = np.maximum(node[1:], node[:-1])
+        return most
+    # Nodes may move along the cable. Between the nodes of both shapes the way of a point is linear, so its length is largest at one.
+    s = np.union1d(before.s, after.s)
+    was, now = (np.column_stack([np.interp(s, shape.s, column) for column in shape.nodes.T]) for shape in (before, after))
+    far = np.linalg.norm(now - was, axis=1)
+    first = np.searchsorted(s, before.s)
+    return np.array([far[low : high + 1].max() for low, high in pairwise(first)])
