@@ -3,7 +3,7 @@
 The shape server has no memory, so this is the history of friction. After a step has settled it says of every contact that rubs which
 point of the cable is held, and where: as before if it sticks, so that it never creeps, and where it has slid to otherwise. These anchors
 lie in the frames of the bodies and move and turn with them. A place that was not touched before is held where this point of the
-cable was at the end of the last step, as the body has moved since: what it went until it touched counts as sliding, which is at most one step.
+cable was at the end of the last step, as the body has moved since: what it went until it touched counts as sliding, one step at most.
 
 At the very first shape nothing has slid yet, so it is found without friction.
 """
@@ -51,8 +51,8 @@ class Anchors:
 
 def laws_of(bodies: Sequence[Body], surfaces: int) -> Laws | None:
     """Friction of the bodies, which are the first of so many surfaces; None if none of them rubs."""
-    code, laws = np.zeros(surfaces, dtype=np.int64), []
-    law = np.zeros(surfaces, dtype=np.int64)
+    code, law = np.zeros(surfaces, dtype=np.int64), np.zeros(surfaces, dtype=np.int64)
+    laws: list[FrictionLaw] = []
     for index, body in enumerate(bodies):
         number = FRICTION_CODES.index(body.friction)
         if number in RUBS:
@@ -123,7 +123,8 @@ def surface_normals(contacts: Contacts, rows: np.ndarray, places: np.ndarray) ->
     away[edge] -= (np.einsum("rx,rx->r", away, direction)[:, None] * direction)[edge]
     size = np.linalg.norm(away, axis=1, keepdims=True)
     flat = (contacts.feature[rows] == Feature.FACE) | (size[:, 0] < 1e-9)
-    return np.where(flat[:, None], contacts.normal[rows], away / np.maximum(size, 1e-9))
+    normals: np.ndarray = np.where(flat[:, None], contacts.normal[rows], away / np.maximum(size, 1e-9))
+    return normals
 
 
 def _own_anchors(anchors: Anchors, body: np.ndarray, s: np.ndarray, normal: np.ndarray, poses: np.ndarray, near: float) -> np.ndarray:

@@ -82,8 +82,8 @@ class Contacts(Part, frozen=True):
         check_floats("contacts.force", self.force, (count, 3), 1e9)
         check_units("contacts.normal", self.normal)
         check_units("contacts.direction", self.direction[self.feature == Feature.EDGE])
-        rubs = np.flatnonzero(np.isin(self.friction, RUBS)) if count and self.friction.max() >= RUBS[0] else []
-        if not np.array_equal(rubs, [] if self.rubbing is None else self.rubbing.contact):
+        rubs = np.flatnonzero(np.isin(self.friction, RUBS)) if count and self.friction.max() >= RUBS[0] else np.zeros(0, dtype=np.int64)
+        if not np.array_equal(rubs, () if self.rubbing is None else self.rubbing.contact):
             raise MessageError("contacts.rubbing: must have a row for every contact whose friction is 2, 3 or 4", key="contacts.rubbing")
 
 

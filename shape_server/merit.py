@@ -1,4 +1,4 @@
-"""What a descent lowers: the energy with rows as penalties and multipliers (augmented Lagrangian), and the search along a step; compiled."""
+"""What a descent lowers, the energy with rows as penalties and multipliers (augmented Lagrangian), and the search along a step."""
 
 from __future__ import annotations
 

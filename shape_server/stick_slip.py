@@ -113,11 +113,11 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
             patience -= 1
         else:
             offending = offending[-1:]
-        for row in offending:
-            if row < many:
-                closed[row] = not closed[row]
+        for other in offending:
+            if other < many:
+                closed[other] = not closed[other]
             else:
-                _exchange(row - many, force[many + 2 * (row - many) :], rub, at, hard, sticks, normal)
+                _exchange(other - many, force[many + 2 * (other - many) :], rub, at, hard, sticks, normal)
     for row in range(many):
         if not (closed[row] and force[row] > 0.0):
             force[row] = 0.0
@@ -247,7 +247,7 @@ def _slide(own, rest, place, k, rub_of, on, rub, at, hard, normal):  # type: ign
     u0, u1 = at[k, 0], at[k, 1]
     size = _size(u0, u1)
     limit, with_normal, with_speed = drag_limit(rub, k, size / rub.time_step, normal[k])
-    along = with_speed / rub.time_step
+    along = max(with_speed, 0.0) / rub.time_step  # a law that falls with the speed would be a spring that pushes on
     across = limit / size if size > 0.0 else along
     d0, d1 = (u0 / size, u1 / size) if size > 0.0 else (0.0, 0.0)
     g00, g01, g11 = across + (along - across) * d0 * d0, (along - across) * d0 * d1, across + (along - across) * d1 * d1

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
@@ -17,14 +18,13 @@ from env_server.hanging import Hanging
 from env_server.loop import Loop
 from env_server.stage import Posture, Stage
 from env_server.stepped import Stepped
-from protocol.kinds import Friction, Hold
 from protocol.messages import Bill, Problem, Shape, ShapeReply, ShapeRequest, Start
-from protocol.scene import Body, Cable, Gripper, Move, Scene, Target
+from protocol.scene import Scene
 from shape_server import kernels
 from shape_server.solve import answer
 
 RADIUS = 0.0045  # m
-DOWN = (0.0, 0.0, -9.81)
+Motion = Callable[[float], tuple[float, np.ndarray, bool]]  # of time: angle [rad], shift (3,) [m], whether the grippers go along
 
 
 class InProcess:
@@ -46,10 +46,10 @@ class InProcess:
 
 
 class Moved:
-    """A stage whose bodies are where a function of time puts them, (bodies, 7)."""
+    """A stage that a function of time carries along: all bodies by a turn about the z axis and a shift, and the grippers if asked."""
 
-    def __init__(self, stage: Stage, poses: Callable[[float], np.ndarray] | None) -> None:
-        self._stage, self._poses = stage, poses
+    def __init__(self, stage: Stage, motion: Motion | None) -> None:
+        self._stage, self._motion = stage, motion
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stage, name)
@@ -61,15 +61,23 @@ class Moved:
         return self._moved(self._stage.between(time, seed))
 
     def _moved(self, posture: Posture) -> Posture:
-        return posture if self._poses is None else replace(posture, surfaces=self._poses(posture.time))
+        if self._motion is None:
+            return posture
+        angle, shift, with_grippers = self._motion(posture.time)
+        turn = Rotation.from_rotvec([0.0, 0.0, angle])
+        turned = np.hstack([turn.apply(posture.surfaces[:, :3]) + shift, (turn * Rotation.from_quat(posture.surfaces[:, 3:])).as_quat()])
+        if not with_grippers:
+            return replace(posture, surfaces=turned)
+        frames = (turn * Rotation.from_quat(posture.quaternions)).as_quat()
+        return replace(posture, surfaces=turned, positions=turn.apply(posture.positions) + shift, quaternions=frames)
 
 
 @contextmanager
-def stepping(scene: Scene, start: Start, poses: Callable[[float], np.ndarray] | None = None, path: Any = kernels) -> Iterator[Loop]:
+def stepping(scene: Scene, start: Start, motion: Motion | None = None, path: Any = kernels) -> Iterator[Loop]:
     """A loop that goes on from a shape that rests as it is, held there by friction where it is touched."""
     stage = Stage(scene, lambda _: None)
     try:
-        moved: Any = Moved(stage, poses)
+        moved: Any = Moved(stage, motion)
         asker: Any = InProcess(path)
         loop = Loop(moved, asker, "session")
         loop._now = _begun(loop, moved, scene, start, path)
@@ -105,8 +113,6 @@ def solve_once(scene: Scene, problem: Problem, path: Any) -> Shape:
 
 def shape_with(shape: Shape, start: Start, nodes: np.ndarray) -> Shape:
     """A shape of nodes and frames alone."""
-    import msgspec
-
     count = len(start.s)
     return msgspec.structs.replace(
         shape,
@@ -137,10 +143,8 @@ def cylinder(folder: Path, radius: float, sections: int) -> str:
     """A prism around the y axis whose edges touch a circle from within."""
     angles = 2 * np.pi * np.arange(sections) / sections
     ring = radius * np.column_stack([np.cos(angles), np.zeros(sections), np.sin(angles)])
-    vertices = np.vstack([ring + [0.0, -0.1, 0.0], ring + [0.0, 0.1, 0.0]])
+    half = np.array([0.0, 0.1, 0.0])
+    vertices = np.vstack([ring - half, ring + half])
     here, after = np.arange(sections), (np.arange(sections) + 1) % sections
     sides = np.vstack([np.column_stack([here, here + sections, after]), np.column_stack([after, here + sections, after + sections])])
     return saved(folder, "cylinder", vertices, sides)
-
-
-__all__ = ["DOWN", "RADIUS", "Body", "Cable", "Friction", "Gripper", "Hold", "Move", "Scene", "Target", "cylinder", "floor", "stepping"]
