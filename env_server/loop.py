@@ -16,14 +16,15 @@ from typing import Final
 
 import numpy as np
 
-from protocol.kinds import Outcome
+from protocol.kinds import Outcome, SelfInteraction
 from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest
 
 from . import remesh
 from .asking import Asker
 from .boundary import Boundary
-from .hanging import Hanging, joined, nowhere, part_way, start_of, unsettled
+from .hanging import Hanging, joined, meetings, nowhere, part_way, start_of, unsettled
 from .poses import farthest_move
+from .self_boundary import Meeting, meet
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
 from .touch import Candidates
@@ -58,7 +59,7 @@ class Loop:
         self._meter = Meter()
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
-        self._reach = self._reach_links = REACH_MOST
+        self._reach = self._reach_links = self._reach_own = REACH_MOST
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:
@@ -167,7 +168,7 @@ class Loop:
                 for cable in cables
             ]
             problems = tuple(
-                Problem(cable=cable, grasps=grasp, contacts=contact, start=start_of(was))
+                Problem(cable=cable, grasps=grasp, contacts=contact, start=start_of(was), self_contacts=meetings(was))
                 for cable, grasp, contact, was in zip(scene.cables, grasps, contacts, cables, strict=True)
             )
             self._meter.search += time.perf_counter() - begun
@@ -186,6 +187,8 @@ class Loop:
                 boundary = (was.boundary if was is not None else self._fresh(index)).after(contact, shape, goal.surfaces)
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
                 done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
+                if now.own is not None:
+                    done.is_settled &= now.own.is_settled(problems[index].self_contacts, shape)
                 hanging.append(now)
             share = self._free_share(anchor, done_at, goal, hanging)
             done.may_have_passed = share < 1.0
@@ -244,14 +247,18 @@ class Loop:
         self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
         return reply.shapes
 
-    def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> tuple[Candidates, Candidates]:
-        """Places within reach on the bodies and on the robot's links."""
+    def _search(
+        self, index: int, shape: Shape, goal: Posture, previous: Hanging | None
+    ) -> tuple[Candidates, Candidates, Meeting | None]:
+        """Places within reach on the bodies, on the robot's links, and on the cable itself."""
         cable, count = self._stage.scene.cables[index], self._stage.body_count
         radius = 0.5 * cable.diameter
         bodies = self._stage.touch_bodies.search(
             shape.nodes, goal.surfaces[:count], radius, self._reach, previous=previous.bodies if previous is not None else None
         )
-        return bodies, self._search_links(index, shape, goal, previous)
+        looks = cable.self_interaction is SelfInteraction.CONTACT
+        own = meet(shape, radius, self._reach_own) if looks else None
+        return bodies, self._search_links(index, shape, goal, previous), own
 
     def _search_links(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
         """Places within reach on the robot's links."""
@@ -279,6 +286,9 @@ class Loop:
             farthest = max(farthest, float(node.max()))
             for clearance, motion in ((was.bodies.clearance, still), (was.links.clearance, turning)):
                 share = min(share, float(((clearance - motion) / segment).min()))
+            if was.own is not None:
+                share = min(share, was.own.free_share(segment))
+        self._reach_own = max(REACH_LEAST, 2 * AHEAD * farthest)
         self._reach = float(np.clip(AHEAD * (farthest + still), REACH_LEAST, REACH_MOST))
         self._reach_links = max(self._reach, AHEAD * (farthest + turning))
         return share if share < 1.0 else 1.0

@@ -17,6 +17,30 @@ FRICTION_CODES: Final[tuple[Friction, ...]] = (Friction.NONE, Friction.BOND)
 """Friction kinds in the order of the codes that `Contacts.friction` carries."""
 
 
+class SelfInteraction(Enum):
+    """What becomes of a cable where it meets itself, or another cable."""
+
+    TRANSPARENT = "transparent"  # nothing: it passes through
+    BOND = "bond"  # the two points stick
+    FICTITIOUS = "fictitious"  # it passes through, but bends no tighter than its bend radius, as if around an obstacle
+    CONTACT = "contact"  # one-sided, without friction
+
+
+class SelfTouch(IntEnum):
+    """How two places of one cable meet: the codes of `SelfContacts.kind`."""
+
+    CROSSING = 0  # both places slide to where they are nearest
+    ALONGSIDE = 1  # strands side by side: the first place stays, the second slides
+    BOND = 2  # both points stay
+
+
+class Inclination(Enum):
+    """Whether a body dictates the tangent of a cable where it is bonded to it."""
+
+    FREE = "free"  # G_0: the mechanics choose
+    FIXED = "fixed"  # G_inf: square to the body's normal
+
+
 class Hold(Enum):
     """What a gripper fixes at the point of the cable that it holds."""
 

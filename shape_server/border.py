@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from .rod import is_active
+from .strand_rows import Spread, no_spread, strand_rows
 
 SOFTNESS = 1e-7  # m by which a contact or bond gives way under the typical force
 
@@ -24,6 +25,7 @@ class Border(NamedTuple):
     held: np.ndarray  # (h,) int, which rows of held points are here
     contacts: np.ndarray  # (c,) int, which contacts have a row
     saddles: int  # negative directions that the curvature rows bring with them
+    spread: Spread  # rows of self-contacts and of their curvature, whose `vector` is zero
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,7 +40,10 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     contacts = np.arange(len(state.touches)) if is_exact else np.flatnonzero(state.touches)
     bent, rows, saddles = _bent(rod, state, view)
     first, last = len(held), len(held) + len(contacts)
-    count = last + rows
+    spread, stiffness = no_spread()
+    if len(rod.strands.distance) > 0:
+        spread, stiffness = strand_rows(rod, state, view, contacts, first, last + rows)
+    count = last + rows + len(stiffness)
     element, fraction, vector = np.empty(count, dtype=np.int64), np.empty(count), np.empty((count, 3))
     is_turn, compliance, residual = np.zeros(count, dtype=np.bool_), np.zeros((count, count)), np.zeros(count)
     hard = SOFTNESS / rod.force_scale
@@ -60,6 +65,8 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     at = last
     for row in bent:
         at = _add_curvature(rod, state, view, row, at, element, fraction, vector, is_turn, compliance)
+    for k in range(len(stiffness)):
+        element[at + k], fraction[at + k], vector[at + k], compliance[at + k, at + k] = 0, 0.0, 0.0, 1.0 / stiffness[k]
     return Border(
         element=element,
         fraction=fraction,
@@ -69,7 +76,8 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
         residual=residual,
         held=held,
         contacts=contacts,
-        saddles=saddles,
+        saddles=saddles + (stiffness < 0.0).sum(),
+        spread=spread,
     )
 
 

@@ -14,7 +14,7 @@ from .cold import PULL, curve_frames
 from .descent import off_the_saddle, relax, settle_or_relax
 from .equilibrium import Settled
 from .rod import Rod, State
-from .system import System
+from .system import System, no_strands
 from .task import Task
 
 SLIP: Final = 2.5  # rad of twist between the curve to start from and the shape; beyond, two in three were not the lowest
@@ -31,7 +31,7 @@ def from_grasps(task: Task, system: System) -> Settled:
     if not len(system.rod.touch.contact):
         return _hanging(task, system, begin)
     empty = system.rod.touch._replace(**{name: column[:0] for name, column in system.rod.touch._asdict().items()})
-    free = replace(system, rod=system.rod._replace(touch=empty), push=np.zeros(0), fraction=np.zeros(0))
+    free = replace(system, rod=system.rod._replace(touch=empty, strands=no_strands()), push=np.zeros(0), fraction=np.zeros(0))
     bare = begin._replace(push=np.zeros(0), touches=np.zeros(0, dtype=bool), fraction=np.zeros(0))
     hanging = _hanging(task, free, bare)
     state = begin._replace(frames=hanging.state.frames, force=hanging.state.force, holds=hanging.state.holds)

@@ -52,6 +52,8 @@ class Follower:
         """
         if len(pieces.cuts(problem)) > 2 or problem.cable.bending is None:
             raise CablecosimError("a Follower takes a cable with 'bending', without clamps inside it; use solve() for others")
+        if problem.self_contacts is not None:
+            raise CablecosimError("a Follower is not built for self-contacts; use solve() from the last shape")
         self._problem, self._gravity, self._extrapolate = problem, gravity, extrapolate
         self._state: State
         self._mesh = even(stops(problem), problem.grasps.s, segments)

@@ -26,6 +26,7 @@ from .closing import close
 from .elimination import columns
 from .rod import node_forces
 from .smoothing import add_smoothing
+from .strand_rows import add_spread
 from .vertices import assemble
 
 NOT_ROUND = 1e-5  # of the stiffness that holds the roll of a round cable
@@ -152,6 +153,8 @@ def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-unt
         couple = _couple(rod, view, row)
         for axis in range(2):
             matrix[rod.touch.element[row], axis, len(border.held) + k] += couple[axis]
+    if len(border.spread.row) > 0:
+        add_spread(view.axes, view.lengths, rod.base, border.spread, matrix)
     if len(rod.give) > 0:
         add_give(
             rod.give,

@@ -28,6 +28,8 @@ class Reading:
     contact_forces: Array  # (m, 3) N
     contact_moments: Array  # (m, 3) N m, about the axis at `contact_s`
     contact_s: Array  # (m,) m
+    self_places: Array  # (k, 2) m, where the cable touches itself
+    self_push: Array  # (k,) N
     energy: float  # J
     total_twist: float  # rad
 
@@ -43,7 +45,8 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     np.add.at(wrenches[:, :3], system.row_grasp[:on_grasp], pulls[:on_grasp])
     if len(contact_forces):
         np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:]], pulls[on_grasp:])
-        np.add.at(contact_forces, rod.touch.contact, state.push[:, None] * view.push)
+        pushing = slice(0, system.body_rows)
+        np.add.at(contact_forces, rod.touch.contact[pushing], (state.push[:, None] * view.push)[pushing])
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
@@ -56,7 +59,17 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     energy = float(path.energy(rod, state, view))
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())
-    return Reading(view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, energy, float(twist))
+    places, pushes = self_places(system, found), state.push[system.body_rows :]
+    return Reading(
+        view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, places, pushes, energy, float(twist)
+    )
+
+
+def self_places(system: System, found: Settled) -> Array:
+    """Where along the cable it touches itself, (k, 2) [m]."""
+    mesh = system.mesh
+    places = found.state.fraction[len(found.state.push) :].reshape(-1, 2)
+    return np.asarray(np.interp(places, np.arange(len(mesh.s)), mesh.s))
 
 
 def _contact_moments(system: System, found: Settled, count: int) -> Array:
@@ -71,9 +84,10 @@ def _contact_moments(system: System, found: Settled, count: int) -> Array:
         pulls = state.force[bonds, None] * rod.held.axis[bonds]
         moments = _crosses(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), pulls)
         np.add.at(out, system.bond_contact[rod.held.bond[bonds]], moments)
-    moments = _crosses(_on_axis(view.nodes, rod.touch.element, state.fraction), view.push)
-    moments += view.numbers[:, 2:3] * _crosses(view.axes[rod.touch.element, 2], view.normal)
-    np.add.at(out, rod.touch.contact, state.push[:, None] * moments)
+    element, pushing = rod.touch.element, slice(0, system.body_rows)
+    moments = _crosses(_on_axis(view.nodes, element, state.fraction[: len(element)]), view.push)
+    moments += view.numbers[:, 2:3] * _crosses(view.axes[element, 2], view.normal)
+    np.add.at(out, rod.touch.contact[pushing], (state.push[:, None] * moments)[pushing])
     return out
 
 
@@ -92,9 +106,10 @@ def contact_places(problem: Problem, system: System, found: Settled) -> Array:
     """Where along the cable every contact is (m,) [m]: the middle of its rows, by their forces; where it was if it is open."""
     if problem.contacts is None:
         return np.zeros(0)
-    touch, mesh, state = system.rod.touch, system.mesh, found.state
-    s = np.array(problem.contacts.s)
-    place = mesh.s[touch.element] + state.fraction * mesh.lengths[touch.element]
-    force = np.bincount(touch.contact, weights=state.push, minlength=len(s))
-    moment = np.bincount(touch.contact, weights=state.push * place, minlength=len(s))
+    touch, mesh, many = system.rod.touch, system.mesh, system.body_rows
+    s, push = np.array(problem.contacts.s), found.state.push[:many]
+    element, contact = touch.element[:many], touch.contact[:many]
+    place = mesh.s[element] + found.state.fraction[:many] * mesh.lengths[element]
+    force = np.bincount(contact, weights=push, minlength=len(s))
+    moment = np.bincount(contact, weights=push * place, minlength=len(s))
     return np.where(force > 0.0, moment / np.where(force > 0.0, force, 1.0), s)

@@ -15,6 +15,7 @@ from .axial import pulled_lengths
 from .chain import carried_forces, directors, positions
 from .contact_geometry import FAR, contact_geometry
 from .smoothing import smoothing_energy
+from .strands import Strands, add_strand_forces, meet
 from .vertices import elastic_energy
 
 
@@ -40,9 +41,12 @@ class Held(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """One-sided contacts; `contact` says which contact of the request each row is, several may be one."""
+    """One-sided contacts; `contact` says which contact of the request each row is, several may be one.
 
-    contact: np.ndarray  # (m,) int
+    Those of the cable with itself are the last, with zeros here but for their feature; what they are stands in `Strands`.
+    """
+
+    contact: np.ndarray  # (m,) int, a negative number of its own for a self-contact
     element: np.ndarray  # (m,) int, segment where it was found
     feature: np.ndarray  # (m,) int
     point: np.ndarray  # (m, 3) m
@@ -65,6 +69,7 @@ class Rod(NamedTuple):
     give: np.ndarray  # (n-1,) m/N, length over EA; empty if the cable does not stretch
     held: Held
     touch: Touch
+    strands: Strands
     length: float  # m
     stiffest: float  # N m^2, largest stiffness against bending
     weight: float  # N, size of the load as a whole
@@ -81,7 +86,7 @@ class State(NamedTuple):
     holds: np.ndarray  # (b,) bool, whether each bond still holds
     push: np.ndarray  # (m,) N, at every contact
     touches: np.ndarray  # (m,) bool, contacts that push
-    fraction: np.ndarray  # (m,) place of each contact along its segment
+    fraction: np.ndarray  # (m + 2k,) place of each contact along its segment, then both places of each self-contact, see `strands`
 
 
 class View(NamedTuple):
@@ -131,6 +136,8 @@ def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
         touch.extent,
         touch.distance,
     )
+    if len(rod.strands.distance) > 0:
+        meet(nodes, rod.strands, fraction, gap, normal)
     force, touches = _handed_over(touch, gap, state.push, state.touches)
     moved = State(frames=state.frames, force=state.force, holds=state.holds, push=force, touches=touches, fraction=fraction)
     return moved, View(axes, lengths, nodes, miss, gap, normal, push, slide, across, numbers)
@@ -164,7 +171,10 @@ def _handed_over(touch, gap, push, touches):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def node_forces(rod, state, view):  # type: ignore[no-untyped-def]
     """Loads, forces at held points and contact forces, shared by the nodes: (n, 3) [N]. The base is left out."""
-    return _node_forces(rod, state, view.push)
+    forces = _node_forces(rod, state, view.push)
+    if len(rod.strands.distance) > 0:
+        add_strand_forces(forces, rod.strands, state.push, state.fraction, view.normal)
+    return forces
 
 
 @njit(cache=True, error_model="numpy")

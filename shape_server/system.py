@@ -16,7 +16,9 @@ from protocol.scene import Cable, Vector
 from . import effects
 from .mesh import Mesh
 from .numpy_path import directors
+from .contact_geometry import STRAND
 from .rod import Elastic, Held, Rod, State, Touch
+from .strands import Strands
 
 KICK_MOST = 0.05  # rad, how far to go off a saddle
 
@@ -29,10 +31,15 @@ class System:
     rod: Rod
     force: np.ndarray  # (h,) N, of every row of held points, to start from
     push: np.ndarray  # (m,) N, of every contact, to start from
-    fraction: np.ndarray  # (m,) place of every contact along its segment, to start from
+    fraction: np.ndarray  # (m + 2k,) place of every contact along its segment, and both of every self-contact, to start from
     base: int  # which grasp is the origin of positions, and has no rows
     row_grasp: np.ndarray  # (h,) int, which grasp each row holds; -1 for a bond
     bond_contact: np.ndarray  # (b,) int, which contact of the request each bond is
+
+    @property
+    def body_rows(self) -> int:
+        """How many rows are contacts with bodies; those of the cable with itself come after them."""
+        return len(self.push) - len(self.rod.strands.distance)
 
     def start(self, frames: np.ndarray) -> State:
         """The state with the given frames and the forces that the request starts from."""
@@ -60,6 +67,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
     base = next(k for k, hold in enumerate(grasps.hold) if hold is not Hold.GUIDE)
     held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
     touch, push, fraction = _touch(problem, used, mesh, touching)
+    touch, strands, push, fraction = _with_strands(problem, used, mesh, touch, push, fraction)
     shortest, kick = _spans(problem)
     rod = Rod(
         lengths=np.array(mesh.lengths),
@@ -72,6 +80,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
         give=matter.give,
         held=held,
         touch=touch,
+        strands=strands,
         length=cable.length,
         stiffest=matter.stiffest,
         weight=matter.weight,
@@ -198,6 +207,25 @@ def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -
         return rows
     none, points = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
     return Touch(none, none, none, points, points, points, np.zeros((0, 2)), np.zeros(0)), np.zeros(0), np.zeros(0)
+
+
+def _with_strands(
+    problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: Touch, push: np.ndarray, fraction: np.ndarray
+) -> tuple[Touch, Strands, np.ndarray, np.ndarray]:
+    """Contacts with bodies, those of the cable with itself after them, and the forces and places of both."""
+    if "self_contact" not in used:
+        return touch, no_strands(), push, fraction
+    assert problem.self_contacts is not None
+    strands, own_push, places = effects.load("self_contact").rows(problem.self_contacts, len(push), mesh)
+    more = len(own_push)
+    columns = {name: np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]) for name, column in touch._asdict().items()}
+    columns["contact"][len(push) :], columns["feature"][len(push) :] = -1 - np.arange(more), STRAND
+    return Touch(**columns), strands, np.append(push, own_push), np.concatenate([fraction, np.zeros(more), places])
+
+
+def no_strands() -> Strands:
+    """A cable that does not touch itself."""
+    return Strands(0, np.zeros(0, dtype=bool), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 
 
 def _spans(problem: Problem) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from .answer import rod_shape
 from .descent import off_the_saddle, relax
 from .equilibrium import NEAR, WHY, Settled
 from .mesh import Mesh, from_nodes, halved
-from .refine import cold, judged
+from .refine import cold, failed, judged
 from .richardson import transfer
 from .task import Solution, Task
 
@@ -27,10 +27,12 @@ def warm(task: Task) -> Shape:
         sentence = f"relaxed from the start shape, because {WHY[found.why]}"
         relaxed = relax(task.path, rod, off_the_saddle(task.path, rod, begin, found), task.progress)
         found = relaxed._replace(iterations=relaxed.iterations + found.iterations)
+    if not (found.is_converged and found.is_stable) and task.problem.self_contacts is not None:
+        return failed(task, found, found.iterations, sentence)  # a start anew would not know which strand is on which side
     if not (found.is_converged and found.is_stable):
         return cold(task, mesh=system.mesh, spent=found.iterations)
     levels = [Solution(task, system, found)]
-    for _ in range(2 if task.extrapolate and task.problem.contacts is None else 1):
+    for _ in range(2 if task.extrapolate and not task.touches else 1):
         coarser = _coarser(task, levels[0])
         if coarser is None:
             break

@@ -34,6 +34,7 @@ ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
     "stretch": lambda problem, _: problem.cable.stretch is not None,
     "contact": lambda problem, _: _has_contact(problem, Friction.NONE),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),
+    "self_contact": lambda problem, _: problem.self_contacts is not None and len(problem.self_contacts.s) > 0,
 }
 """Every effect and the question whether a problem asks for it; the key is the name of its file."""
 
