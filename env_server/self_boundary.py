@@ -11,11 +11,13 @@ from typing import Final
 
 import numpy as np
 
+from protocol.kinds import SelfTouch
 from protocol.messages import SelfContacts, SelfReactions, Shape
 
 from .self_touch import SelfCandidates, search
 
 DEPTH_OK: Final = 2e-6  # m; deeper, and the boundary conditions are evaluated again
+NEAR: Final = 6.0  # radii, gap within which places are handed to the shape server
 SAME_PLACE: Final = 1.6  # segments; a push as near to a row at both places says the same
 SAME_SIDE: Final = -0.5  # cosine; a normal may turn by up to 120 degrees in one step
 NO_REACTIONS: Final = SelfReactions(s=np.zeros((0, 2)), force=np.zeros((0, 3)), gap=np.zeros(0))
@@ -36,9 +38,9 @@ class Meeting:
             s: (n,) [m] Arc length of the nodes that the candidates refer to.
         """
         found, pushes = self.candidates, _places(self.reactions.s, s)
-        if not len(found.kind):
+        if not len(found.gap):
             return None
-        force = np.zeros((len(found.kind), 3))
+        force = np.zeros((len(found.gap), 3))
         for row in np.flatnonzero((self.reactions.force != 0.0).any(axis=1)).tolist():
             away = np.abs(found.place - pushes[row]).max(axis=1)
             nearest = int(np.argmin(np.where(found.normal @ self.reactions.force[row] > 0.0, away, np.inf)))
@@ -46,9 +48,9 @@ class Meeting:
                 force[nearest] += np.linalg.norm(self.reactions.force[row]) * found.normal[nearest]
         return SelfContacts(
             s=np.interp(found.place, np.arange(len(s)), s),
-            kind=np.array(found.kind),
+            kind=np.full(len(found.gap), int(SelfTouch.CONTACT)),
             normal=np.array(found.normal),
-            distance=np.full(len(found.kind), 2.0 * self.radius),
+            distance=np.full(len(found.gap), 2.0 * self.radius),
             force=force,
         )
 
@@ -72,19 +74,19 @@ class Meeting:
 
     def free_share(self, moved: np.ndarray) -> float:
         """Share of the way, by `moved` (n-1,) [m] for every segment, that surely takes no two strands through each other."""
-        return float((self.candidates.clearance / np.maximum(moved + moved.max(), 1e-12)).min())
+        return float(((self.candidates.clearance - self.radius) / np.maximum(moved + moved.max(), 1e-12)).min())
 
 
-def meet(shape: Shape, radius: float, reach: float) -> Meeting:
+def meet(shape: Shape, radius: float, room: float) -> Meeting:
     """Where a cable is near itself.
 
     Args:
         shape: With what it did to itself.
         radius: [m] Of the cable.
-        reach: [m] Gap within which places are handed to the shape server.
+        room: [m] Gap up to which it may move without a look; places within `NEAR` radii are handed to the shape server.
     """
     reactions = shape.self_reactions if shape.self_reactions is not None else NO_REACTIONS
-    return Meeting(radius, search(shape.nodes, shape.s, radius, reach), reactions)
+    return Meeting(radius, search(shape.nodes, shape.s, radius, NEAR * radius, max(room, NEAR * radius)), reactions)
 
 
 def _places(arc_lengths: np.ndarray, s: np.ndarray) -> np.ndarray:

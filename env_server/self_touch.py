@@ -1,14 +1,11 @@
 """Where a cable touches itself, or may do so soon: local minima of the distance of its segments from each other.
 
-Two places x < y of one polyline axis, with D = r(x) - r(y), d = |D|, gap = d - 2 radius and normal n = D / d, are reported as
+Two places x < y of one polyline axis, with D = r(x) - r(y), d = |D|, gap = d - 2 radius and normal n = D / d. For the cell of every node,
+from half a segment before it to half a segment after, is reported the place x within it and the place y for which d is least, for every
+local minimum along y (D . t >= 0 before y, <= 0 after it). At the ends of its cell x need be no minimum along the cable: the shape
+server's row of a cell takes over from that of the next as two strands slide on each other, and strands that lie side by side need them all.
 
-    crossing    both places are local minima over the polyline (D . t <= 0 before x, >= 0 after it; the reverse at y), and the
-                segments do not run side by side (sine of the angle between them above 0.1)
-    alongside   x is a node, y the nearest place for it on the other strand, a local minimum along y alone; both strands run side by
-                side (sine below 0.3). Strands in line have no one nearest pair, and a row at every node of the earlier one
-
-Within each pair of segments d^2 is convex, so the conditions at corners are exact, and no minimum is missed. Between 0.1 and 0.3 both
-kinds are reported: what the nodes miss of the distance of strands that cross at 0.1 between two of them is (0.05 h)^2 / 2 d.
+Within each pair of half a segment and a segment d^2 is convex, so that no minimum is missed.
 
 Left out is what lies nearer along the cable than pi radius. An axis that bends no tighter than its own radius has a chord of at least
 2 r sin(a / 2 r) over an arc a up to pi r (Schur 1921): up to there it is a bend, and only beyond it can two places be a contact.
@@ -24,12 +21,10 @@ from typing import Final
 
 import numpy as np
 
-from protocol.kinds import SelfTouch
-
 from .distances import POINT, kernel
 
 BLOCK: Final = 8  # segments
-CROSSES, RUNS_ALONG = 0.1, 0.3  # sine of the angle between two segments
+ONE: Final = 1.0  # segments, within which two places along y are one
 SLACK: Final = 1e-9  # of a cosine, within which a place at a node counts as a minimum
 
 
@@ -38,10 +33,9 @@ class SelfCandidates:
     """Places where a cable may touch itself, in order along it; arrays are read-only."""
 
     place: np.ndarray  # (m, 2) segments from the start of the cable
-    kind: np.ndarray  # (m,) int, a `SelfTouch`
     normal: np.ndarray  # (m, 3) unit, from the second place to the first
     gap: np.ndarray  # (m,) m
-    clearance: np.ndarray  # (n-1,) m, distance of the axis of every segment to that of others, at most reach + 2 radius
+    clearance: np.ndarray  # (n-1,) m, distance of the axis of every segment to that of others, at most room + 2 radius
 
     @property
     def penetration(self) -> float:
@@ -49,7 +43,7 @@ class SelfCandidates:
         return float(max(0.0, -self.gap.min(initial=0.0)))
 
 
-def search(nodes: np.ndarray, s: np.ndarray, radius: float, reach: float) -> SelfCandidates:
+def search(nodes: np.ndarray, s: np.ndarray, radius: float, reach: float, room: float) -> SelfCandidates:
     """Every place where a cable meets itself with a gap below `reach`.
 
     Args:
@@ -57,24 +51,38 @@ def search(nodes: np.ndarray, s: np.ndarray, radius: float, reach: float) -> Sel
         s: (n,) [m] Arc length of the nodes.
         radius: [m] Of the cable.
         reach: [m] Largest gap that is reported.
+        room: [m] Largest gap for which the clearance is known, no less than `reach`.
     """
     nodes, s = np.ascontiguousarray(nodes, dtype=np.float64), np.ascontiguousarray(s, dtype=np.float64)
-    apart, limit, room = math.pi * radius, 2.0 * radius + reach, 64 + 4 * len(nodes)
+    apart, near, limit, most = math.pi * radius, 2.0 * radius + reach, 2.0 * radius + room, 64 + 4 * len(nodes)
     while True:
-        place, kind, away = np.empty((room, 2)), np.empty(room, dtype=np.int64), np.empty((room, 3))
+        place, away = np.empty((most, 2)), np.empty((most, 3))
         clearance = np.full(len(nodes) - 1, limit)
-        count = find_pairs(nodes, s, apart, limit, place, kind, away, clearance)
-        if count <= room:
+        count = find_pairs(nodes, s, apart, near, limit, place, away, clearance)
+        if count <= most:
             break
-        room = 2 * count
-    order = np.lexsort((place[:count, 1], place[:count, 0]))
+        most = 2 * count
+    order = _one_of_each(place[:count], np.einsum("ij,ij->i", away[:count], away[:count]))
     size = np.sqrt(np.einsum("ij,ij->i", away[order], away[order]))
     normal = away[order] / np.maximum(size, 1e-300)[:, None]
     normal[size < 1e-12] = (0.0, 0.0, 1.0)
-    found = SelfCandidates(place[order], kind[order], normal, size - 2.0 * radius, clearance)
+    found = SelfCandidates(place[order], normal, size - 2.0 * radius, clearance)
     for name in SelfCandidates.__slots__:
         getattr(found, name).setflags(write=False)
     return found
+
+
+def _one_of_each(place: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Indices of the pairs in order along the cable; of those in one cell with places y within a segment of each other the nearest.
+
+    A strand that winds about another one has a minimum in every segment beside the place where it is nearest.
+    """
+    cell, kept = np.round(place[:, 0]), list[int]()
+    for row in np.argsort(size, kind="stable").tolist():
+        if not any(cell[k] == cell[row] and abs(place[k, 1] - place[row, 1]) < ONE for k in kept):
+            kept.append(row)
+    order = np.array(kept, dtype=np.int64)
+    return order[np.lexsort((place[order, 1], place[order, 0]))]
 
 
 @kernel
@@ -82,13 +90,13 @@ def find_pairs(
     nodes: np.ndarray,
     s: np.ndarray,
     apart: float,
+    near: float,
     limit: float,
     place: np.ndarray,
-    kind: np.ndarray,
     away: np.ndarray,
     clearance: np.ndarray,
 ) -> int:
-    """Pairs into `place`, `kind` and `away` (D [m]) as far as there is room; how many there are. Lowers `clearance`."""
+    """Pairs into `place` and `away` (D [m]) as far as there is room; how many there are. Lowers `clearance`."""
     count, found = len(nodes) - 1, 0
     blocks = (count + BLOCK - 1) // BLOCK
     centre, size = np.zeros((blocks, 3)), np.zeros(blocks)
@@ -105,7 +113,7 @@ def find_pairs(
             for i in range(BLOCK * b, min(BLOCK * (b + 1), count)):
                 for j in range(max(BLOCK * c, i + 2), min(BLOCK * (c + 1), count)):
                     if s[j + 1] - s[i] > apart:
-                        found = _look_at(nodes, s, i, j, apart, limit, place, kind, away, clearance, found)
+                        found = _look_at(nodes, s, i, j, apart, near, limit, place, away, clearance, found)
     return found
 
 
@@ -116,76 +124,50 @@ def _look_at(
     i: int,
     j: int,
     apart: float,
+    near: float,
     limit: float,
     place: np.ndarray,
-    kind: np.ndarray,
     away: np.ndarray,
     clearance: np.ndarray,
     found: int,
 ) -> int:
     """Look at one pair of segments; how many pairs are found by now."""
-    t, u = nearest(nodes[i], nodes[i + 1], nodes[j], nodes[j + 1])
-    d = _between(nodes, i, t, j, u)
-    size = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    if size > limit:
-        return found
-    sine = _sine(nodes, i, j)
-    arc = (1.0 - u) * s[j] + u * s[j + 1] - (1.0 - t) * s[i] - t * s[i + 1]
-    last = len(nodes) - 2
-    is_own = (t < 1.0 or i == last) and (u < 1.0 or j == last)
-    if arc > apart:
+    for half in range(2):
+        t, u = nearest(nodes, i, 0.5 * half, 0.5 + 0.5 * half, j)
+        d = _between(nodes, i, t, j, u)
+        size = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        arc = (1.0 - u) * s[j] + u * s[j + 1] - (1.0 - t) * s[i] - t * s[i + 1]
+        if size > limit or arc <= apart:
+            continue
         clearance[i], clearance[j] = min(clearance[i], size), min(clearance[j], size)
-        if is_own and sine > CROSSES and _is_least(nodes, i, t, d, 1.0) and _is_least(nodes, j, u, d, -1.0):
-            found = _report(place, kind, away, found, i + t, j + u, 0, d)
-    if sine < RUNS_ALONG:
-        for end in range(2 if i == last else 1):
-            node = i + end
-            u = _on_segment(nodes[node], nodes[j], nodes[j + 1])
-            d = _between(nodes, i, float(end), j, u)
-            size = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-            arc = (1.0 - u) * s[j] + u * s[j + 1] - s[node]
-            if size < limit and arc > apart and (u < 1.0 or j == last) and _is_least(nodes, j, u, d, -1.0):
-                found = _report(place, kind, away, found, float(node), j + u, 1, d)
+        if size < near and _is_least(nodes, j, u, d):
+            if found < len(place):
+                # Half a cell: rounding may not take it to the next one.
+                place[found, 0] = i + min(max(t, 0.501 * half), 0.499 + 0.501 * half)
+                place[found, 1] = j + u
+                away[found, 0], away[found, 1], away[found, 2] = d[0], d[1], d[2]
+            found += 1
     return found
 
 
 @kernel
-def _report(
-    place: np.ndarray, kind: np.ndarray, away: np.ndarray, found: int, x: float, y: float, code: int, d: tuple[float, float, float]
-) -> int:
-    if found < len(kind):
-        place[found, 0], place[found, 1], kind[found] = x, y, code
-        away[found, 0], away[found, 1], away[found, 2] = d[0], d[1], d[2]
-    return found + 1
-
-
-@kernel
-def nearest(a: np.ndarray, b: np.ndarray, c: np.ndarray, e: np.ndarray) -> tuple[float, float]:
-    """Fractions of the closest points of the segments a-b and c-e (Ericson 2005, 5.1.9)."""
-    p0, p1, p2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    q0, q1, q2 = e[0] - c[0], e[1] - c[1], e[2] - c[2]
-    r0, r1, r2 = a[0] - c[0], a[1] - c[1], a[2] - c[2]
+def nearest(nodes: np.ndarray, i: int, low: float, high: float, j: int) -> tuple[float, float]:
+    """Fractions of the closest points of segment i, from `low` to `high` of it, and segment j (Ericson 2005, 5.1.9)."""
+    p0, p1, p2 = nodes[i + 1, 0] - nodes[i, 0], nodes[i + 1, 1] - nodes[i, 1], nodes[i + 1, 2] - nodes[i, 2]
+    q0, q1, q2 = nodes[j + 1, 0] - nodes[j, 0], nodes[j + 1, 1] - nodes[j, 1], nodes[j + 1, 2] - nodes[j, 2]
+    r0, r1, r2 = nodes[i, 0] - nodes[j, 0], nodes[i, 1] - nodes[j, 1], nodes[i, 2] - nodes[j, 2]
     pp, qq, pq = p0 * p0 + p1 * p1 + p2 * p2, q0 * q0 + q1 * q1 + q2 * q2, p0 * q0 + p1 * q1 + p2 * q2
     pr, qr = p0 * r0 + p1 * r1 + p2 * r2, q0 * r0 + q1 * r1 + q2 * r2
     if pp < POINT or qq < POINT:
-        return 0.0, min(max(qr / qq, 0.0), 1.0) if qq >= POINT else 0.0
+        return low, min(max((qr + low * pq) / qq, 0.0), 1.0) if qq >= POINT else 0.0
     square = pp * qq - pq * pq
-    t = min(max((pq * qr - pr * qq) / square, 0.0), 1.0) if square > 1e-12 * pp * qq else 0.0
+    t = min(max((pq * qr - pr * qq) / square, low), high) if square > 1e-12 * pp * qq else low
     u = (pq * t + qr) / qq
     if u < 0.0:
-        return min(max(-pr / pp, 0.0), 1.0), 0.0
+        return min(max(-pr / pp, low), high), 0.0
     if u > 1.0:
-        return min(max((pq - pr) / pp, 0.0), 1.0), 1.0
+        return min(max((pq - pr) / pp, low), high), 1.0
     return t, u
-
-
-@kernel
-def _on_segment(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    along, square = 0.0, 0.0
-    for k in range(3):
-        along += (point[k] - a[k]) * (b[k] - a[k])
-        square += (b[k] - a[k]) ** 2
-    return min(max(along / square, 0.0), 1.0) if square >= POINT else 0.0
 
 
 @kernel
@@ -199,7 +181,7 @@ def _between(nodes: np.ndarray, i: int, t: float, j: int, u: float) -> tuple[flo
 
 
 @kernel
-def _is_least(nodes: np.ndarray, i: int, t: float, d: tuple[float, float, float], sign: float) -> bool:
+def _is_least(nodes: np.ndarray, i: int, t: float, d: tuple[float, float, float]) -> bool:
     """Whether a place on segment i, nearest there, is so on the neighbour too that begins at it."""
     if 0.0 < t < 1.0:
         return True
@@ -209,25 +191,12 @@ def _is_least(nodes: np.ndarray, i: int, t: float, d: tuple[float, float, float]
     along, square = 0.0, 0.0
     for k in range(3):
         step = nodes[other + 1, k] - nodes[other, k]
-        along += sign * d[k] * step
+        along -= d[k] * step
         square += step * step
     slack = SLACK * math.sqrt(square * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
     return along <= slack if t == 0.0 else along >= -slack
 
 
 @kernel
-def _sine(nodes: np.ndarray, i: int, j: int) -> float:
-    pp, qq, pq = 0.0, 0.0, 0.0
-    for k in range(3):
-        p, q = nodes[i + 1, k] - nodes[i, k], nodes[j + 1, k] - nodes[j, k]
-        pp, qq, pq = pp + p * p, qq + q * q, pq + p * q
-    return math.sqrt(max(1.0 - pq * pq / max(pp * qq, 1e-300), 0.0))
-
-
-@kernel
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-KINDS: Final = (SelfTouch.CROSSING, SelfTouch.ALONGSIDE)
-"""The meaning of the codes that `find_pairs` reports."""

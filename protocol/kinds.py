@@ -29,9 +29,8 @@ class SelfInteraction(Enum):
 class SelfTouch(IntEnum):
     """How two places of one cable meet: the codes of `SelfContacts.kind`."""
 
-    CROSSING = 0  # both places slide to where they are nearest
-    ALONGSIDE = 1  # strands side by side: the first place stays, the second slides
-    BOND = 2  # both points stay
+    CONTACT = 0  # one-sided; both places slide to where they are nearest, the first within half a segment of its node
+    BOND = 1  # both points stay
 
 
 class Inclination(Enum):

@@ -76,7 +76,7 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
         residual=residual,
         held=held,
         contacts=contacts,
-        saddles=saddles + (stiffness < 0.0).sum(),
+        saddles=saddles + (stiffness > 0.0).sum(),
         spread=spread,
     )
 

@@ -68,7 +68,8 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
 def self_places(system: System, found: Settled) -> Array:
     """Where along the cable it touches itself, (k, 2) [m]."""
     mesh = system.mesh
-    places = found.state.fraction[len(found.state.push) :].reshape(-1, 2)
+    first, many = len(found.state.push), len(system.rod.strands.distance)
+    places = found.state.fraction[first : first + 2 * many].reshape(-1, 2)
     return np.asarray(np.interp(places, np.arange(len(mesh.s)), mesh.s))
 
 

@@ -86,7 +86,7 @@ class State(NamedTuple):
     holds: np.ndarray  # (b,) bool, whether each bond still holds
     push: np.ndarray  # (m,) N, at every contact
     touches: np.ndarray  # (m,) bool, contacts that push
-    fraction: np.ndarray  # (m + 2k,) place of each contact along its segment, then both places of each self-contact, see `strands`
+    fraction: np.ndarray  # (m + 5k,) place of each contact along its segment, then both places and the normal of each self-contact
 
 
 class View(NamedTuple):

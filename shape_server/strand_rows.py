@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .strands import FLAT, inner, point_at, shares
+from .strands import inner, point_at, shares
 
 WEAK = 1e-9  # of the typical force; a push below it has no curvature
+ALONG = 0.02  # squared sine of the angle below which two strands count as side by side, and the first place as staying
 LEAST = 1e-3  # of the distance when touching; nearer, the curvature is as there
 NEGLIGIBLE = 1e-10  # of the largest eigenvalue of the curvature
 
@@ -75,7 +76,7 @@ def _curvature(rod, state, view, c, coef, node):  # type: ignore[no-untyped-def]
     d = view.gap[strands.first + c] + strands.distance[c]
     d = np.copysign(max(abs(d), LEAST * strands.distance[c]), d)
     across = _two_across(n)
-    form = _second_derivative(point, n, d, across, place, len(view.nodes) - 1.0, strands.slides[c])
+    form = _second_derivative(point, n, d, across, place, len(view.nodes) - 1.0, strands.cell[c])
     values, vectors = np.linalg.eigh(-state.push[strands.first + c] * form)
     found, largest, kept = 0, np.abs(values).max(), np.empty(4)
     for q in range(4):
@@ -92,7 +93,7 @@ def _curvature(rod, state, view, c, coef, node):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _second_derivative(point, n, d, across, place, last, slides):  # type: ignore[no-untyped-def]
+def _second_derivative(point, n, d, across, place, last, cell):  # type: ignore[no-untyped-def]
     """The form (4, 4) of the module's docstring, over u along `across` (2, 3), n.u'(x) and -n.u'(y)."""
     slope = np.zeros((2, 4))  # F
     for side in range(2):
@@ -104,9 +105,9 @@ def _second_derivative(point, n, d, across, place, last, slides):  # type: ignor
     ab = d * (slope[0, 0] * slope[1, 0] + slope[0, 1] * slope[1, 1])
     form = np.zeros((4, 4))
     form[0, 0] = form[1, 1] = 1.0 / d
-    moves_x, moves_y = slides and 0.0 < place[0] < last and a * d > 0.0, 0.0 < place[1] < last and b * d > 0.0
+    moves_x, moves_y = cell[0] < place[0] < cell[1] and a * d > 0.0, 0.0 < place[1] < last and b * d > 0.0
     cross = a * b - ab * ab
-    if moves_x and moves_y and cross > FLAT * a * b:
+    if moves_x and moves_y and cross > ALONG * a * b:
         for i in range(4):
             for j in range(4):
                 form[i, j] -= (
@@ -118,7 +119,7 @@ def _second_derivative(point, n, d, across, place, last, slides):  # type: ignor
         for i in range(4):
             for j in range(4):
                 form[i, j] -= slope[1, i] * slope[1, j] / b
-    elif moves_x:
+    elif moves_x and not moves_y:
         for i in range(4):
             for j in range(4):
                 form[i, j] -= slope[0, i] * slope[0, j] / a

@@ -9,8 +9,10 @@ A place x counts segments from the start of the cable, r(x) = sum_k W_k(x) r_k. 
 
     gap = d - distance,    d gap = n . u,    u = sum_k W_k(x) dr_k - sum_k W_k(y) dr_k,
 
-where x and y are the nearest to where they were (strands that cross), or x stays and y slides (strands side by side, which have no one
-nearest pair: each node of one has a row of its own). With z the places that slide, the second derivative beyond what fixed forces give is
+where y slides to the nearest place, and x does so within the cell of its node, from half a segment before it to half a segment after. The
+next cell has a row of its own. Strands that lie side by side have no one nearest pair, and strands that turn from one crossing to another
+have two; a place free to slide would jump between them, and the energy with it, but the least distance of a cell does not. With z the
+places that slide (x does not at the end of its cell), the second derivative beyond what fixed forces give is
 
     |P u|^2 / d - F^T H^-1 F,   P = 1 - n n^T,   F = [r'(x).P u / d + n.u'(x), -r'(y).P u / d - n.u'(y)],
     H = [[|P r'(x)|^2 / d + n.r''(x), -r'(x).P r'(y) / d], [., |P r'(y)|^2 / d - n.r''(y)]],
@@ -28,19 +30,18 @@ from numba import njit
 
 from .contact_geometry import FAR
 
-STEPS = 30
+STEPS = 60
 NEAREST = 1e-10  # segments; places are found to within this
 BEND = 0.5 * np.pi  # of the distance between touching axes: an axis bent no tighter than its tube is thick comes no nearer (Schur 1921)
 STRIDE = 0.5  # segments, most that a place moves at once
-FLAT = 1e-3  # of the largest stiffness of the distance against sliding; less, and the first place stays
+FLAT = 1e-3  # of the stiffness of the distance against sliding, the least that counts
 
 
 class Strands(NamedTuple):
     """Places where a cable may touch itself; their rows come after those of the contacts with bodies."""
 
     first: int  # row of the first
-    slides: np.ndarray  # (k,) bool, whether both places slide; otherwise the second alone
-    normal: np.ndarray  # (k, 3) unit, from the second place to the first when they were found: which is on which side
+    cell: np.ndarray  # (k, 2) how far the first place slides; the second slides along the whole cable
     distance: np.ndarray  # (k,) m, between the axes when they touch
     s: np.ndarray  # (n,) m, arc length of the nodes
 
@@ -82,8 +83,8 @@ def inner(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def slide(nodes, x, y, is_free, weights, one, other):  # type: ignore[no-untyped-def]
-    """The places nearest to each other around x and y, y alone unless `is_free`; `one` and `other` (3, 3) are left as `point_at` there."""
+def slide(nodes, x, y, cell, weights, one, other):  # type: ignore[no-untyped-def]
+    """The places nearest to each other around x, within its cell, and y; `one` and `other` (3, 3) are left as `point_at` there."""
     last = len(nodes) - 1.0
     for _ in range(STEPS):
         point_at(nodes, x, weights, one)
@@ -95,20 +96,20 @@ def slide(nodes, x, y, is_free, weights, one, other):  # type: ignore[no-untyped
         xx = tx + d0 * one[2, 0] + d1 * one[2, 1] + d2 * one[2, 2]
         yy = ty - (d0 * other[2, 0] + d1 * other[2, 1] + d2 * other[2, 2])
         xy = -inner(one[1], other[1])
-        # Downhill in any case: what is not convex is made so.
-        xx, yy = max(xx, 0.1 * tx), max(yy, 0.1 * ty)
-        cross = xx * yy - xy * xy
-        stays_x, stays_y = not is_free or _is_kept(x, gx, last), _is_kept(y, gy, last)
+        stays_x, stays_y = _is_kept(x, gx, cell[0], cell[1]), _is_kept(y, gy, 0.0, last)
         if stays_x or stays_y:
-            dx, dy = 0.0 if stays_x else -gx / xx, 0.0 if stays_y else -gy / yy
-        elif cross < FLAT * xx * yy:
-            dx, dy = -0.5 * gx / xx, -0.5 * gy / yy
+            dx, dy = 0.0 if stays_x else -gx / max(xx, 0.1 * tx), 0.0 if stays_y else -gy / max(yy, 0.1 * ty)
         else:
+            # Downhill in any case: what is not convex is made so.
+            middle, half = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+            more = max(0.0, FLAT * (tx + ty) - (middle - half))
+            xx, yy = xx + more, yy + more
+            cross = xx * yy - xy * xy
             dx, dy = (-yy * gx + xy * gy) / cross, (xy * gx - xx * gy) / cross
         longest = max(abs(dx), abs(dy))
         scale = min(1.0, STRIDE / longest) if longest > 0.0 else 1.0
         before_x, before_y = x, y
-        x, y = min(max(x + scale * dx, 0.0), last), min(max(y + scale * dy, 0.0), last)
+        x, y = min(max(x + scale * dx, cell[0]), cell[1]), min(max(y + scale * dy, 0.0), last)
         if abs(x - before_x) < NEAREST and abs(y - before_y) < NEAREST:
             break
     point_at(nodes, x, weights, one)
@@ -117,21 +118,26 @@ def slide(nodes, x, y, is_free, weights, one, other):  # type: ignore[no-untyped
 
 
 @njit(cache=True, error_model="numpy")
-def _is_kept(place, slope, last):  # type: ignore[no-untyped-def]
-    """Whether a place at an end of the cable would slide off it."""
-    return (place <= 0.0 and slope > 0.0) or (place >= last and slope < 0.0)
+def _is_kept(place, slope, low, high):  # type: ignore[no-untyped-def]
+    """Whether a place at an end of where it may be would slide beyond it."""
+    return (place <= low and slope > 0.0) or (place >= high and slope < 0.0)
 
 
 @njit(cache=True, error_model="numpy")
 def meet(nodes, strands, fraction, gap, normal):  # type: ignore[no-untyped-def]
-    """Gaps [m] and normals of all self-contacts, into their rows; their places in `fraction`, after those of all rows, slide along."""
+    """Gaps [m] and normals of all self-contacts, into their rows.
+
+    Their places in `fraction`, after those of all rows, slide along, and their normals after these turn along: two strands inside each
+    other are still on the sides on which they met.
+    """
     weights, one, other = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for c in range(len(strands.distance)):
-        row, at = strands.first + c, len(gap) + 2 * c
-        x, y = slide(nodes, fraction[at], fraction[at + 1], strands.slides[c], weights, one, other)
+    many = len(strands.distance)
+    for c in range(many):
+        row, at, was = strands.first + c, len(gap) + 2 * c, len(gap) + 2 * many + 3 * c
+        x, y = slide(nodes, fraction[at], fraction[at + 1], strands.cell[c], weights, one, other)
         # Places that slide into each other have no nearest pair any more: between them is but a bend.
         if abs(_arc_length(strands.s, x) - _arc_length(strands.s, y)) < BEND * strands.distance[c]:
-            gap[row], normal[row] = FAR, strands.normal[c]
+            gap[row], normal[row] = FAR, fraction[was : was + 3]
             continue
         fraction[at], fraction[at + 1] = x, y
         size, along = 0.0, 0.0
@@ -139,12 +145,12 @@ def meet(nodes, strands, fraction, gap, normal):  # type: ignore[no-untyped-def]
             difference = one[0, k] - other[0, k]
             normal[row, k] = difference
             size += difference * difference
-            along += difference * strands.normal[c, k]
+            along += difference * fraction[was + k]
         size = np.sqrt(size)
-        # As at a sharp edge: a strand may turn by more than a right angle about another one before it is on its other side.
-        signed = size if along >= -0.5 * size else -size
+        signed = -size if along < 0.0 and size < strands.distance[c] else size
         for k in range(3):
-            normal[row, k] = normal[row, k] / signed if size > 1e-12 else strands.normal[c, k]
+            normal[row, k] = normal[row, k] / signed if size > 1e-12 else fraction[was + k]
+            fraction[was + k] = normal[row, k]
         gap[row] = signed - strands.distance[c]
 
 

@@ -31,7 +31,7 @@ class System:
     rod: Rod
     force: np.ndarray  # (h,) N, of every row of held points, to start from
     push: np.ndarray  # (m,) N, of every contact, to start from
-    fraction: np.ndarray  # (m + 2k,) place of every contact along its segment, and both of every self-contact, to start from
+    fraction: np.ndarray  # (m + 5k,) place of every contact along its segment, both and the normal of every self-contact, to start from
     base: int  # which grasp is the origin of positions, and has no rows
     row_grasp: np.ndarray  # (h,) int, which grasp each row holds; -1 for a bond
     bond_contact: np.ndarray  # (b,) int, which contact of the request each bond is
@@ -225,7 +225,7 @@ def _with_strands(
 
 def no_strands() -> Strands:
     """A cable that does not touch itself."""
-    return Strands(0, np.zeros(0, dtype=bool), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+    return Strands(0, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
 
 
 def _spans(problem: Problem) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from protocol.kinds import SelfInteraction
 from protocol.messages import Shape
 
 from .answer import rod_shape
@@ -27,7 +28,7 @@ def warm(task: Task) -> Shape:
         sentence = f"relaxed from the start shape, because {WHY[found.why]}"
         relaxed = relax(task.path, rod, off_the_saddle(task.path, rod, begin, found), task.progress)
         found = relaxed._replace(iterations=relaxed.iterations + found.iterations)
-    if not (found.is_converged and found.is_stable) and task.problem.self_contacts is not None:
+    if not (found.is_converged and found.is_stable) and task.problem.cable.self_interaction is SelfInteraction.CONTACT:
         return failed(task, found, found.iterations, sentence)  # a start anew would not know which strand is on which side
     if not (found.is_converged and found.is_stable):
         return cold(task, mesh=system.mesh, spent=found.iterations)
