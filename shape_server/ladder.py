@@ -44,7 +44,7 @@ def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
         return Model.CATENARY
     if problem.start is not None or not _is_plain(problem) or cable.stretch is not None or cable.natural_curvature is not None:
         return Model.ROD
-    if any(problem.turns) or problem.branch:
+    if any(problem.turns) or problem.branch or cable.bend_radius is not None:
         return Model.ROD
     if cable.micro_length is not None:
         shape = gradient_shape(problem, gravity, tolerance, (), time.perf_counter())

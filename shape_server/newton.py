@@ -20,6 +20,7 @@ from numba import njit
 
 from .axial import add_give
 from .band import eliminate
+from .bend_limit import add_limit
 from .border import border_rows
 from .chain import carried_forces
 from .closing import close
@@ -59,6 +60,8 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
         couple = _couple(rod, view, row)
         for k in range(2):
             gradient[rod.touch.element[row], k] -= state.push[row] * couple[k]
+    if len(rod.elastic.limit) > 0:
+        add_limit(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, gradient, diagonal, upper)
     beyond = np.empty((0, 3, 3))
     if len(rod.elastic.smoothing) > 0:
         beyond = add_smoothing(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, gradient, diagonal, upper)

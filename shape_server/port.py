@@ -58,8 +58,8 @@ def port(system: System, state: State, path: ModuleType) -> Port:
         CablecosimError: If the last node is not clamped, nothing else holds the cable, or it has a micro-structure length.
     """
     rod = system.rod
-    if len(rod.elastic.smoothing):
-        raise CablecosimError("a port is not built for 'micro_length'; leave it out")
+    if len(rod.elastic.smoothing) or len(rod.elastic.limit) or len(rod.strands.distance):
+        raise CablecosimError("a port is not built for 'micro_length', 'bend_radius' and self-contacts; leave them out")
     clamp, last = int(rod.clamp_of_node[-1]), len(system.mesh.grasp_nodes) - 1
     if clamp < 0 or np.count_nonzero(system.row_grasp == last) != 3:
         raise CablecosimError("a port is the clamp at the end of a cable that is held elsewhere too; add a grasp, or turn the cable round")

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from .axial import pulled_lengths
+from .bend_limit import limit_energy
 from .chain import carried_forces, directors, positions
 from .contact_geometry import FAR, contact_geometry
 from .smoothing import smoothing_energy
@@ -27,6 +28,7 @@ class Elastic(NamedTuple):
     node_law: np.ndarray  # (n, 3) N m^2, in series over half of each neighbour
     node_bent: np.ndarray  # (n, 3) 1/m
     smoothing: np.ndarray  # (n-1, 2) N m^3, see `smoothing`; empty without a micro-structure length
+    limit: np.ndarray  # (2,) 1/m and N m^2, see `bend_limit`; empty without a least bend radius
 
 
 class Held(NamedTuple):
@@ -220,6 +222,8 @@ def energy(rod, state, view):  # type: ignore[no-untyped-def]
     total = elastic_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
     if len(rod.elastic.smoothing) > 0:
         total += smoothing_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
+    if len(rod.elastic.limit) > 0:
+        total += limit_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
     for node in range(len(rod.loads)):
         for k in range(3):
             total -= rod.loads[node, k] * view.nodes[node, k]

@@ -112,7 +112,7 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
     mesh = Mesh(nodes, np.diff(nodes), np.zeros(0, dtype=np.int64))
     point_loads = None if given is None else PointLoads(s=np.frombuffer(given[0]), force=np.frombuffer(given[1]).reshape(-1, 3))
     loads, law, bent = np.zeros((len(mesh.s), 3)), np.zeros((len(mesh.lengths), 3)), np.zeros((len(mesh.lengths), 3))
-    give, smoothing = np.zeros(0), np.zeros((0, 2))
+    give, smoothing, limit = np.zeros(0), np.zeros((0, 2)), np.zeros(0)
     for effect in (effects.load(name) for name in used):
         if hasattr(effect, "node_loads"):
             loads += effect.node_loads(cable, point_loads, gravity, mesh)
@@ -124,7 +124,9 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
             give = effect.give(cable, mesh)
         if hasattr(effect, "smoothing"):
             smoothing = effect.smoothing(cable, mesh)
-    elastic = elastic_of(law, bent, mesh.lengths, smoothing)
+        if hasattr(effect, "limit"):
+            limit = effect.limit(cable, mesh)
+    elastic = elastic_of(law, bent, mesh.lengths, smoothing)._replace(limit=limit)
     return Matter(elastic, loads, give, _stiffest(elastic, mesh), float(np.linalg.norm(loads.sum(axis=0))))
 
 
@@ -150,7 +152,7 @@ def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray, smoothing
         mean = (before * law[:-1] + after * law[1:]) / (before + after)
         share = np.tanh(4.0 * micro_length(law, smoothing, lengths) / (before + after))
         node_law[1:-1, :2] = (1.0 / ((1.0 - share) / node_law[1:-1] + share / mean))[:, :2]
-    return Elastic(law, bent, node_law, node_bent, smoothing)
+    return Elastic(law, bent, node_law, node_bent, smoothing, np.zeros(0))
 
 
 def micro_length(law: np.ndarray, smoothing: np.ndarray, lengths: np.ndarray) -> float:

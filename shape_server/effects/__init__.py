@@ -8,6 +8,7 @@ sums what the effects add without knowing any of them by name:
 - `natural(cable, mesh)`: curvature and twist of every segment when free of any load [1/m];
 - `give(cable, mesh)`: growth of every segment under a unit of tension [m/N];
 - `smoothing(cable, mesh)`: stiffness of every segment against a difference of curvature between its ends [N m^3];
+- `limit(cable, mesh)`: largest curvature [1/m], and the stiffness beyond it [N m^2];
 - `rows(contacts, chosen, mesh)`: border rows, each with a force as its unknown; of one-sided contacts what `grouped` says of them
   is in the place of `chosen`.
 """
@@ -31,6 +32,7 @@ ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
     "twist": lambda problem, _: problem.cable.twist is not None,
     "preform": lambda problem, _: _has(problem.cable, "natural_curvature"),
     "micro_length": lambda problem, _: problem.cable.micro_length is not None,
+    "bend_radius": lambda problem, _: problem.cable.bend_radius is not None,
     "stretch": lambda problem, _: problem.cable.stretch is not None,
     "contact": lambda problem, _: _has_contact(problem, Friction.NONE),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),
