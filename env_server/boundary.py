@@ -73,6 +73,7 @@ class Boundary:
     radius: float  # m
     length: float  # m
     bonding: np.ndarray  # (surfaces,) bool, whose friction is `bond`
+    inclined: np.ndarray | None = None  # (surfaces,) bool, whose inclination is `fixed`; None if that of none is
     bonds: tuple[Bond, ...] = ()
     pushes: Pushes = NO_PUSHES
 
@@ -111,6 +112,7 @@ class Boundary:
             distance=np.full(count + len(bonds), self.radius),
             friction=np.concatenate([np.full(count, FREE), np.full(len(bonds), BONDED)]),
             force=force,
+            inclination=None if self.inclined is None else self.inclined[body].astype(np.int64),
         )
 
     def after(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray) -> Boundary:

@@ -302,4 +302,4 @@ class Loop:
 
     def _fresh(self, index: int) -> Boundary:
         cable = self._stage.scene.cables[index]
-        return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=self._stage.bonding)
+        return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=self._stage.bonding, inclined=self._stage.inclined)

@@ -40,6 +40,10 @@ class Inclination(Enum):
     FIXED = "fixed"  # G_inf: square to the body's normal
 
 
+INCLINATION_CODES: Final[tuple[Inclination, ...]] = (Inclination.FREE, Inclination.FIXED)
+"""Kinds of inclination in the order of the codes that `Contacts.inclination` carries."""
+
+
 class Hold(Enum):
     """What a gripper fixes at the point of the cable that it holds."""
 

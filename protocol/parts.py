@@ -21,7 +21,7 @@ from .checks import (
     check_units,
 )
 from .errors import MessageError
-from .kinds import FRICTION_CODES, Feature, Hold, Model, Outcome, SelfTouch
+from .kinds import FRICTION_CODES, INCLINATION_CODES, Feature, Hold, Model, Outcome, SelfTouch
 from .scene import Cable
 
 TURNS_MAX: Final = 100
@@ -68,11 +68,14 @@ class Contacts(Part, frozen=True):
     distance: np.ndarray  # (m,) m, between axis and feature when they touch
     friction: np.ndarray  # (m,) int, index into `kinds.FRICTION_CODES`
     force: np.ndarray  # (m, 3) N, on the cable; what to start from
+    inclination: np.ndarray | None = None  # (m,) int, index into `kinds.INCLINATION_CODES`; None: free everywhere
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
         count = len(self.s)
         check_count("contacts", count, CONTACTS_MAX)
+        if self.inclination is not None:
+            check_integers("contacts.inclination", self.inclination, count, 0, len(INCLINATION_CODES) - 1)
         for name, low, high in (("body", -1, 10_000), ("feature", 0, len(Feature) - 1), ("friction", 0, len(FRICTION_CODES) - 1)):
             check_integers(f"contacts.{name}", getattr(self, name), count, low, high)
         for name in ("s", "distance"):

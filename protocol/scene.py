@@ -23,7 +23,7 @@ from .cable import Unit as Unit
 from .cable import Vector as Vector
 from .cable import cable_mistakes, reaches_any_distance
 from .errors import SceneError
-from .kinds import Friction, Hold
+from .kinds import Friction, Hold, Inclination
 
 Quaternion = tuple[float, float, float, float]  # (x, y, z, w)
 
@@ -58,6 +58,7 @@ class Body:
     position: Metres = (0.0, 0.0, 0.0)
     quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
     friction: Friction = Friction.NONE
+    inclination: Inclination = Inclination.FREE  # of a cable bonded to it
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,8 @@ def check_scene(scene: Scene) -> None:
         _check_gripper(f"grippers[{index}]", gripper, cables, scene.robot)
     for index, body in enumerate(scene.bodies):
         _check_quaternion(f"bodies[{index}].quaternion", body.quaternion)
+        if body.inclination is Inclination.FIXED:
+            _check_inclined(f"bodies[{index}].inclination", body, scene.cables)
         if (body.generate is None) == (body.mesh is None):
             raise SceneError(f"bodies[{index}]: '{body.name}' needs either 'generate' or 'mesh', one of the two", key=f"bodies[{index}]")
     for index, move in enumerate(scene.moves):
@@ -192,6 +195,14 @@ def _check_gripper(key: str, gripper: Gripper, cables: dict[str, Cable], robot: 
         raise SceneError(sentence, key=f"{key}.approach")
     if gripper.arm is not None and robot is None:
         raise SceneError(f"{key}.arm: '{gripper.arm}' needs a [robot] in the scene", key=f"{key}.arm")
+
+
+def _check_inclined(key: str, body: Body, cables: tuple[Cable, ...]) -> None:
+    if body.friction is not Friction.BOND:
+        raise SceneError(f"{key}: 'fixed' is of cables bonded to '{body.name}'; give it friction = \"bond\"", key=key)
+    for cable in cables:
+        if cable.bending is None:
+            raise SceneError(f"{key}: 'fixed' needs cables with 'bending' and 'twist'; '{cable.name}' has none", key=key)
 
 
 def _check_target(key: str, target: Target, grippers: dict[str, Gripper], bodies: list[str]) -> None:

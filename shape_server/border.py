@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .inclined import inclined_rows
 from .rod import is_active
 from .strand_rows import Spread, no_spread, strand_rows
 
@@ -26,6 +27,7 @@ class Border(NamedTuple):
     contacts: np.ndarray  # (c,) int, which contacts have a row
     saddles: int  # negative directions that the curvature rows bring with them
     spread: Spread  # rows of self-contacts and of their curvature, whose `vector` is zero
+    inclined: Spread  # rows of inclination, whose `vector` is zero
 
 
 @njit(cache=True, error_model="numpy")
@@ -50,6 +52,8 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     for k in range(first):
         row = held[k]
         element[k], fraction[k], vector[k] = rod.held.element[row], rod.held.fraction[row], rod.held.axis[row]
+        if row >= len(rod.held.element) - rod.held.inclined:
+            vector[k] = 0.0
         if not is_exact:
             compliance[k, k] = soft[0]
             continue
@@ -78,6 +82,7 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
         contacts=contacts,
         saddles=saddles + (stiffness > 0.0).sum(),
         spread=spread,
+        inclined=inclined_rows(rod, held, len(rod.lengths)),
     )
 
 

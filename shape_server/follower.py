@@ -54,6 +54,8 @@ class Follower:
             raise CablecosimError("a Follower takes a cable with 'bending', without clamps inside it; use solve() for others")
         if problem.self_contacts is not None or problem.cable.bend_radius is not None:
             raise CablecosimError("a Follower is not built for self-contacts and 'bend_radius'; use solve() from the last shape")
+        if problem.contacts is not None and problem.contacts.inclination is not None and problem.contacts.inclination.any():
+            raise CablecosimError("a Follower is not built for a fixed inclination; use solve() from the last shape")
         self._problem, self._gravity, self._extrapolate = problem, gravity, extrapolate
         self._state: State
         self._mesh = even(stops(problem), problem.grasps.s, segments)

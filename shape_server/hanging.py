@@ -50,6 +50,8 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
         sentence = "a cable without bending meets only bonded contacts; give the cable 'bending' and 'twist' for frictionless ones"
         return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
     sentence = not_built(problem, float(np.linalg.norm(load)))
+    if contacts is not None and contacts.inclination is not None and contacts.inclination.any():
+        sentence = "a cable without bending has no inclination to fix; give the cable 'bending' and 'twist', or leave the inclination free"
     if sentence:
         return _nothing(Outcome.UNSUPPORTED, sentence, empty, len(grasps.s), count)
     kept = _separate(problem)

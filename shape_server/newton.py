@@ -158,6 +158,8 @@ def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-unt
             matrix[rod.touch.element[row], axis, len(border.held) + k] += couple[axis]
     if len(border.spread.row) > 0:
         add_spread(view.axes, view.lengths, rod.base, border.spread, matrix)
+    if len(border.inclined.row) > 0:
+        add_spread(view.axes, view.lengths, rod.base, border.inclined, matrix)
     if len(rod.give) > 0:
         add_give(
             rod.give,

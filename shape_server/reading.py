@@ -41,10 +41,11 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     wrenches = np.zeros((len(problem.grasps.s), 6))
     contact_forces = np.zeros((0 if problem.contacts is None else len(problem.contacts.s), 3))
     pulls = state.force[:, None] * rod.held.axis
-    on_grasp = len(system.row_grasp) - 3 * len(system.bond_contact)  # rows of bonds come last
+    last = len(system.row_grasp) - rod.held.inclined  # rows of inclination come last, before them those of bonds
+    on_grasp = last - 3 * len(system.bond_contact)
     np.add.at(wrenches[:, :3], system.row_grasp[:on_grasp], pulls[:on_grasp])
     if len(contact_forces):
-        np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:]], pulls[on_grasp:])
+        np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:last]], pulls[on_grasp:last])
         pushing = slice(0, system.body_rows)
         np.add.at(contact_forces, rod.touch.contact[pushing], (state.push[:, None] * view.push)[pushing])
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
@@ -53,7 +54,7 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     held = view.nodes[system.mesh.grasp_nodes]
     contact_s = contact_places(problem, system, found)
     places = _on_axis(view.nodes, *system.mesh.locate(contact_s))
-    contact_moments = _contact_moments(system, found, len(contact_forces)) - _crosses(places, contact_forces)
+    contact_moments = _contact_moments(system, found, len(contact_forces), path) - _crosses(places, contact_forces)
     moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces)
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
     energy = float(path.energy(rod, state, view))
@@ -73,18 +74,23 @@ def self_places(system: System, found: Settled) -> Array:
     return np.asarray(np.interp(places, np.arange(len(mesh.s)), mesh.s))
 
 
-def _contact_moments(system: System, found: Settled, count: int) -> Array:
+def _contact_moments(system: System, found: Settled, count: int, path: ModuleType) -> Array:
     """Moments (m, 3) [N m] of all contacts about the world's origin.
 
     A bond acts at its point of the axis. What pushes acts where it touches: its moment is that of a force at the axis and the couple of
     `contact_geometry`, zero on a face, where the line of the force meets the axis.
     """
     rod, state, view = system.rod, found.state, found.seen
-    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.bond >= 0)
+    last = len(rod.held.bond) - rod.held.inclined
+    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.bond[:last] >= 0)
     if len(bonds):
         pulls = state.force[bonds, None] * rod.held.axis[bonds]
         moments = _crosses(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), pulls)
         np.add.at(out, system.bond_contact[rod.held.bond[bonds]], moments)
+    for row in range(last, len(rod.held.bond)):
+        couple = np.zeros_like(view.nodes)
+        path.add_couples(couple, rod.held._replace(inclined=1), state.force[: row + 1], state.holds)
+        out[system.bond_contact[rod.held.bond[row]]] += cross_sum(view.nodes, couple)
     element, pushing = rod.touch.element, slice(0, system.body_rows)
     moments = _crosses(_on_axis(view.nodes, element, state.fraction[: len(element)]), view.push)
     moments += view.numbers[:, 2:3] * _crosses(view.axes[element, 2], view.normal)

@@ -15,6 +15,7 @@ from .axial import pulled_lengths
 from .bend_limit import limit_energy
 from .chain import carried_forces, directors, positions
 from .contact_geometry import FAR, contact_geometry
+from .inclined import add_couples, incline
 from .smoothing import smoothing_energy
 from .strands import Strands, add_strand_forces, meet
 from .vertices import elastic_energy
@@ -32,7 +33,10 @@ class Elastic(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Rows of points of the cable that are held: axis . r(s) = goal, for all grasps but the base, then the bonds."""
+    """Rows of points of the cable that are held: axis . r(s) = goal, for all grasps but the base, then the bonds.
+
+    After these come the rows of inclination, axis . r' = goal with r' the derivative of the axis along segments (`strands.shares`).
+    """
 
     element: np.ndarray  # (h,) int, segment
     fraction: np.ndarray  # (h,) place along it
@@ -40,6 +44,7 @@ class Held(NamedTuple):
     goal: np.ndarray  # (h,) m
     bond: np.ndarray  # (h,) int, which bond the row belongs to, -1 for a grasp
     normal: np.ndarray  # (b, 3) unit, of every bond: dropped when its force pulls against it
+    inclined: int  # how many rows, the last ones, are those of inclination
 
 
 class Touch(NamedTuple):
@@ -119,7 +124,9 @@ def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
     nodes = positions(axes[:, 2], lengths, rod.base, rod.origin)
     held = rod.held
     miss = np.empty(len(held.element))
-    for row in range(len(miss)):
+    if held.inclined > 0:
+        incline(nodes, held, miss)
+    for row in range(len(miss) - held.inclined):
         j, f = held.element[row], held.fraction[row]
         miss[row] = -held.goal[row]
         for k in range(3):
@@ -182,7 +189,9 @@ def node_forces(rod, state, view):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     forces = rod.loads.copy()
-    for row in range(len(state.force)):
+    if rod.held.inclined > 0:
+        add_couples(forces, rod.held, state.force, state.holds)
+    for row in range(len(state.force) - rod.held.inclined):
         if is_active(rod, state, row):
             _share(forces, rod.held.element[row], rod.held.fraction[row], state.force[row], rod.held.axis[row])
     for row in range(len(state.push)):

@@ -171,7 +171,7 @@ def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tup
     element, fraction = mesh.locate(grasps.s[row_grasp])
     point, force = grasps.position[row_grasp], start[row_grasp]
     bond, normal = np.full(len(row_grasp), -1, dtype=np.int64), np.zeros((0, 3))
-    bond_contact = np.zeros(0, dtype=np.int64)
+    bond_contact, inclined = np.zeros(0, dtype=np.int64), 0
     if "bond" in used:
         assert problem.contacts is not None
         bond_contact = np.flatnonzero(problem.contacts.friction == FRICTION_CODES.index(Friction.BOND))
@@ -182,7 +182,15 @@ def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tup
         point, force = np.vstack([point, bonds.anchor[each]]), np.vstack([force, bonds.force[each]])
         bond, normal = np.append(bond, each), np.array(bonds.normal)
         row_grasp = np.append(row_grasp, np.full(len(each), -1))
-    held = Held(element, fraction, axis, np.einsum("ij,ij->i", axis, point), bond, normal)
+    if "inclination" in used:
+        assert problem.contacts is not None
+        chosen = effects.load("inclination").bonds(problem.contacts, bond_contact)
+        element, fraction = np.append(element, bonds.element[chosen]), np.append(fraction, bonds.fraction[chosen])
+        axis, bond = np.vstack([axis, normal[chosen]]), np.append(bond, chosen)
+        none = np.zeros((len(chosen), 3))
+        point, force, row_grasp = np.vstack([point, none]), np.vstack([force, none]), np.append(row_grasp, np.full(len(chosen), -1))
+        inclined = len(chosen)
+    held = Held(element, fraction, axis, np.einsum("ij,ij->i", axis, point), bond, normal, inclined)
     return held, np.einsum("ij,ij->i", axis, force), row_grasp, bond_contact
 
 

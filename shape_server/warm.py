@@ -36,11 +36,12 @@ def warm(task: Task) -> Shape:
         begin = off_the_saddle(task.path, rod, begin, found)
         for _ in range(PATIENCE if is_own else 1):
             found = relax(task.path, rod, begin, task.progress)
-            spent, begin = spent + found.iterations, State(*found.state)
+            spent, after = spent + found.iterations, State(*found.state)
+            begin = after._replace(frames=task.path.retract(after.frames, task.path.kick(rod)))
             if found.why != NO_MINIMUM:
                 break
         found = found._replace(iterations=spent)
-    if not (found.is_converged and found.is_stable) and is_own:
+    if not (found.is_converged and found.is_stable) and task.problem.self_contacts is not None:
         return failed(task, found, found.iterations, sentence)  # a start anew would not know which strand is on which side
     if not (found.is_converged and found.is_stable):
         return cold(task, mesh=system.mesh, spent=found.iterations)

@@ -36,6 +36,7 @@ ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
     "stretch": lambda problem, _: problem.cable.stretch is not None,
     "contact": lambda problem, _: _has_contact(problem, Friction.NONE),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),
+    "inclination": lambda problem, _: _has_inclined_bond(problem),
     "self_contact": lambda problem, _: problem.self_contacts is not None and len(problem.self_contacts.s) > 0,
 }
 """Every effect and the question whether a problem asks for it; the key is the name of its file."""
@@ -53,6 +54,13 @@ def load(name: str) -> ModuleType:
 
 def _has_contact(problem: Problem, friction: Friction) -> bool:
     return problem.contacts is not None and bool((problem.contacts.friction == FRICTION_CODES.index(friction)).any())
+
+
+def _has_inclined_bond(problem: Problem) -> bool:
+    touched = problem.contacts
+    if touched is None or touched.inclination is None:
+        return False
+    return bool(((touched.inclination == 1) & (touched.friction == FRICTION_CODES.index(Friction.BOND))).any())
 
 
 def _has(cable: Cable, name: str) -> bool:
