@@ -296,7 +296,8 @@ class Loop:
     def _part_way(self, index: int, item: tuple[Hanging, Hanging, Grasps], share: float, goal: Posture) -> Hanging:
         """A cable as far on its way as surely passes no body, with what is near it there."""
         was, now, grasps = item
-        shape = part_way(was.shape, now.shape, max(0.8 * share, LEAST_SHARE), grasps)
+        least = LEAST_SHARE if was.own is None else was.own.least_share(was.shape, now.shape, LEAST_SHARE)
+        shape = part_way(was.shape, now.shape, max(0.8 * share, least), grasps)
         self._reach = REACH_MOST
         return Hanging(shape, now.boundary, *self._search(index, shape, goal, was))
 

@@ -55,26 +55,32 @@ class Meeting:
         )
 
     def is_settled(self, asked: SelfContacts | None, shape: Shape) -> bool:
-        """Whether no two strands are in each other where no row was asked about, nor on the other side where one was.
+        """Whether every place where strands are in each other had a row of its cell, and none is on the other side of it.
 
-        The server's axis is smooth, and runs by up to kappa h^2 / 8 inside the polygon that is searched here, on both strands.
+        The server's axis is smooth, and runs by up to kappa h^2 / 8 inside the polygon that is searched here, on both strands: with a row
+        they may seem to be in each other by that.
         """
-        found = self.candidates
-        bulge = float(shape.curvature.max()) * float(np.diff(shape.s).max()) ** 2 / 4
-        rows = np.zeros((0, 2)) if asked is None else _places(self.reactions.s, shape.s)
-        for place in np.flatnonzero(found.gap < 0.0).tolist():
-            away = np.abs(rows - found.place[place]).max(axis=1)
-            known = int(np.argmin(away)) if len(away) else -1
-            if known < 0 or away[known] > SAME_PLACE:
-                if found.gap[place] < -DEPTH_OK - bulge:
-                    return False
-            elif asked is not None and asked.normal[known] @ found.normal[place] < SAME_SIDE:
+        found, cell = self.candidates, np.zeros(0)
+        rows = np.zeros((0, 2))
+        if asked is not None:
+            cell, rows = np.round(_places(asked.s[:, 0], shape.s)), _places(self.reactions.s, shape.s)
+        for place in np.flatnonzero(found.gap < -DEPTH_OK).tolist():
+            same = (cell == np.round(found.place[place, 0])) & (np.abs(rows[:, 1] - found.place[place, 1]) < SAME_PLACE)
+            if not same.any():
+                return False
+            assert asked is not None
+            if (asked.normal[same] @ found.normal[place]).max() < SAME_SIDE:
                 return False
         return True
 
     def free_share(self, moved: np.ndarray) -> float:
         """Share of the way, by `moved` (n-1,) [m] for every segment, that surely takes no two strands through each other."""
         return float(((self.candidates.clearance - self.radius) / np.maximum(moved + moved.max(), 1e-12)).min())
+
+    def least_share(self, was: Shape, now: Shape, least: float) -> float:
+        """Share of the way that is taken in any case, towards a shape that may lie beyond a body; but not through the cable itself."""
+        node = np.linalg.norm(now.nodes - was.nodes, axis=1)
+        return min(least, max(0.8 * self.free_share(np.maximum(node[1:], node[:-1])), 0.0))
 
 
 def meet(shape: Shape, radius: float, room: float) -> Meeting:

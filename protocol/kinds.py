@@ -18,10 +18,10 @@ FRICTION_CODES: Final[tuple[Friction, ...]] = (Friction.NONE, Friction.BOND)
 
 
 class SelfInteraction(Enum):
-    """What becomes of a cable where it meets itself, or another cable."""
+    """What becomes of a cable where it meets itself."""
 
     TRANSPARENT = "transparent"  # nothing: it passes through
-    BOND = "bond"  # the two points stick
+    BOND = "bond"  # the two points stick; not built
     FICTITIOUS = "fictitious"  # it passes through, but bends no tighter than its bend radius, as if around an obstacle
     CONTACT = "contact"  # one-sided, without friction
 
@@ -30,7 +30,6 @@ class SelfTouch(IntEnum):
     """How two places of one cable meet: the codes of `SelfContacts.kind`."""
 
     CONTACT = 0  # one-sided; both places slide to where they are nearest, the first within half a segment of its node
-    BOND = 1  # both points stay
 
 
 class Inclination(Enum):

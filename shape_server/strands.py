@@ -50,8 +50,8 @@ class Strands(NamedTuple):
 def shares(place, last, weights):  # type: ignore[no-untyped-def]
     """First of the three nodes that make a place, their weights and two derivatives into `weights` (3, 3); `last` is the last node."""
     weights[:] = 0.0
-    if place < 0.5 or place > last - 0.5:
-        at_end = place > last - 0.5
+    if place < 0.5 or place >= last - 0.5:
+        at_end = place >= last - 0.5
         first, skip = (last - 2, 1) if at_end else (0, 0)
         part = place - (last - 1) if at_end else place
         weights[0, skip], weights[0, skip + 1] = 1.0 - part, part
