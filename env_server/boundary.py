@@ -76,6 +76,7 @@ class Boundary:
     radius: float  # m
     length: float  # m
     bonding: np.ndarray  # (surfaces,) bool, whose friction is `bond`
+    inclined: np.ndarray | None = None  # (surfaces,) bool, whose inclination is `fixed`; None if that of none is
     bonds: tuple[Bond, ...] = ()
     pushes: Pushes = NO_PUSHES
     laws: anchors.Laws | None = None  # of friction; None where no body rubs
@@ -117,6 +118,7 @@ class Boundary:
             distance=self.radius + np.concatenate([candidates.thickness[free], np.zeros(len(bonds))]),
             friction=np.concatenate([np.full(count, FREE), np.full(len(bonds), BONDED)]),
             force=force,
+            inclination=None if self.inclined is None else self.inclined[body].astype(np.int64),
         )
         return contacts if self.laws is None else anchors.rubbing(self.laws, self.anchors, contacts, poses, time, spacing)
 

@@ -9,10 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Outcome
-from protocol.messages import Grasps, Shape, Start
+from protocol.messages import Grasps, SelfContacts, Shape, Start
 
 from .boundary import Boundary
 from .remesh import blended
+from .self_boundary import Meeting
 from .touch import Candidates
 
 
@@ -24,6 +25,7 @@ class Hanging:
     boundary: Boundary
     bodies: Candidates
     links: Candidates
+    own: Meeting | None = None  # with itself; None for a cable that does not look
 
 
 def start_of(was: Hanging | None) -> Start | None:
@@ -31,6 +33,11 @@ def start_of(was: Hanging | None) -> Start | None:
     if was is None:
         return None
     return Start(s=was.shape.s, frames=was.shape.frames, grasp_forces=was.shape.grasp_wrenches[:, :3])
+
+
+def meetings(was: Hanging | None) -> SelfContacts | None:
+    """Where a cable may touch itself next; None if nowhere."""
+    return None if was is None or was.own is None else was.own.contacts(was.shape.s)
 
 
 def joined(cable: Hanging, body_count: int, reach: float) -> Candidates:

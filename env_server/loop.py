@@ -16,13 +16,14 @@ from typing import Final
 
 import numpy as np
 
-from protocol.kinds import Outcome
+from protocol.kinds import Outcome, SelfInteraction
 from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest
 
 from . import remesh
 from .asking import Asker
 from .boundary import Boundary
-from .hanging import Hanging, joined, nowhere, part_way, start_of, unsettled
+from .hanging import Hanging, joined, meetings, nowhere, part_way, start_of, unsettled
+from .self_boundary import Meeting, meet
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
 from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion
@@ -58,7 +59,7 @@ class Loop:
         self._meter = Meter()
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
-        self._reach = self._reach_links = REACH_MOST
+        self._reach = self._reach_links = self._reach_own = REACH_MOST
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:
@@ -168,7 +169,7 @@ class Loop:
                 for cable in cables
             ]
             problems = tuple(
-                Problem(cable=cable, grasps=grasp, contacts=contact, start=start_of(was))
+                Problem(cable=cable, grasps=grasp, contacts=contact, start=start_of(was), self_contacts=meetings(was))
                 for cable, grasp, contact, was in zip(scene.cables, grasps, contacts, cables, strict=True)
             )
             self._meter.search += time.perf_counter() - begun
@@ -187,6 +188,8 @@ class Loop:
                 boundary = (was.boundary if was is not None else self._fresh(index)).after(contact, shape, goal.surfaces)
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
                 done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
+                if now.own is not None:
+                    done.is_settled &= now.own.is_settled(problems[index].self_contacts, shape)
                 hanging.append(now)
             share = self._free_share(anchor, done_at, goal, hanging)
             done.may_have_passed = share < 1.0
@@ -253,9 +256,12 @@ class Loop:
         self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
         return reply.shapes
 
-    def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> tuple[Candidates, Candidates]:
-        """Places within reach on the bodies and on the robot's links."""
-        return self._search_bodies(index, shape, goal, previous), self._search_links(index, shape, goal, previous)
+    def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> tuple[Candidates, Candidates, Meeting | None]:
+        """Places within reach on the bodies, on the robot's links, and on the cable itself."""
+        cable = self._stage.scene.cables[index]
+        looks = cable.self_interaction is SelfInteraction.CONTACT
+        own = meet(shape, 0.5 * cable.diameter, self._reach_own) if looks else None
+        return self._search_bodies(index, shape, goal, previous), self._search_links(index, shape, goal, previous), own
 
     def _search_bodies(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
         """Places within reach on the bodies."""
@@ -285,6 +291,7 @@ class Loop:
             return 1.0
         rigid = rigid_motion(self._stage, at, goal, anchor)
         share, farthest = free_share(rigid, anchor, after)
+        self._reach_own = max(REACH_LEAST, 2 * AHEAD * farthest)
         self._reach = float(np.clip(AHEAD * (farthest + rigid.bodies), REACH_LEAST, REACH_MOST))
         self._reach_links = max(self._reach, AHEAD * (farthest + rigid.links))
         return share
@@ -296,10 +303,12 @@ class Loop:
     def _part_way(self, index: int, item: tuple[Hanging, Hanging, Grasps], share: float, goal: Posture) -> Hanging:
         """A cable as far on its way as surely passes no body, with what is near it there."""
         was, now, grasps = item
-        shape = part_way(was.shape, now.shape, max(0.8 * share, LEAST_SHARE), grasps)
+        least = LEAST_SHARE if was.own is None else was.own.least_share(was.shape, now.shape, LEAST_SHARE)
+        shape = part_way(was.shape, now.shape, max(0.8 * share, least), grasps)
         self._reach = REACH_MOST
         return Hanging(shape, now.boundary, *self._search(index, shape, goal, was))
 
     def _fresh(self, index: int) -> Boundary:
         cable = self._stage.scene.cables[index]
-        return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=self._stage.bonding, laws=self._stage.laws)
+        stage = self._stage
+        return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=stage.bonding, laws=stage.laws, inclined=stage.inclined)

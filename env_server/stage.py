@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from protocol.cable import reaches_any_distance
 from protocol.errors import SceneError
-from protocol.kinds import Friction
+from protocol.kinds import Friction, Inclination
 from protocol.messages import Grasps, Solid
 from protocol.scene import Gripper, Scene
 
@@ -83,6 +83,8 @@ class Stage:
         self._link_rows = np.array([surface.link for surface in surfaces[self.body_count :]], dtype=np.int64)
         self.bonding = np.array([body.friction is Friction.BOND for body in scene.bodies] + [False] * len(self._link_rows), dtype=bool)
         self.laws = laws_of(scene.bodies, len(self.bonding))
+        fixed = [body.inclination is Inclination.FIXED for body in scene.bodies] + [False] * len(self._link_rows)
+        self.inclined = np.array(fixed, dtype=bool) if any(fixed) else None
         self.solids: tuple[Solid, ...] = self.world.solids()
         names = [solid.name for solid in self.solids]
         self.solid_of_surface = np.array([names.index(name) if name in names else -1 for name in self.surface_names], dtype=np.int64)

@@ -70,13 +70,15 @@ def outruns(rigid: Rigid, cables: Sequence[Hanging]) -> bool:
 
 
 def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging]) -> tuple[float, float]:
-    """Share of the way that surely passes no body, at most 1, and how far the furthest node goes [m]."""
+    """Share of the way that surely passes no body and no other part of the cable, at most 1, and how far the furthest node goes [m]."""
     farthest, share = 0.0, 1.0
     for before, after in zip(was, now, strict=True):
         segment = np.maximum(_motion(before.shape, after.shape), 1e-12)
         farthest = max(farthest, float(segment.max()))
         for clearance, motion in ((before.bodies.clearance, rigid.bodies), (before.links.clearance, rigid.links)):
             share = min(share, float(((clearance - motion) / segment).min()))
+        if before.own is not None:
+            share = min(share, before.own.free_share(segment))
     return share, farthest
 
 

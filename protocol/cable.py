@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Gt, Le, MinLen
 
-from .kinds import Hold
+from .kinds import Hold, SelfInteraction
 
 Vector = tuple[float, float, float]
 
@@ -75,6 +75,8 @@ class Cable:
     stretch: Annotated[Positive, Le(FORCE_MAX), Unit("N")] | None = None  # EA; without it the length is kept exactly
     natural_curvature: Annotated[Vector, Unit("1/m")] | None = None  # about d1 and d2, and twist about d3, free of any load
     micro_length: Annotated[Positive, Le(LENGTH_MAX), Unit("m")] | None = None  # of the gradient of curvature
+    bend_radius: Annotated[Positive, Le(LENGTH_MAX), Unit("m")] | None = None  # least radius to which the axis bends
+    self_interaction: SelfInteraction = SelfInteraction.TRANSPARENT
     sections: tuple[Section, ...] = ()
     masses: tuple[LumpedMass, ...] = ()
 
@@ -93,9 +95,18 @@ def cable_mistakes(cable: Cable) -> Iterator[tuple[str, str]]:
     if (cable.bending is None) != (cable.twist is None):
         missing = "twist" if cable.twist is None else "bending"
         yield missing, f"{missing}: missing; a cable has both 'bending' (EI) and 'twist' (GJ), or neither (a catenary)"
-    for name in ("bending_2", "natural_curvature", "micro_length"):
+    for name in ("bending_2", "natural_curvature", "micro_length", "bend_radius"):
         if getattr(cable, name) is not None and cable.bending is None:
             yield name, f"{name}: given for a cable without 'bending'; give the cable 'bending' and 'twist' too"
+    kind = cable.self_interaction
+    if kind is not SelfInteraction.TRANSPARENT and cable.bending is None:
+        yield "self_interaction", f"self_interaction: '{kind.value}' needs a cable with 'bending' and 'twist'; give it both"
+    if kind is SelfInteraction.BOND:
+        yield "self_interaction", "self_interaction: 'bond' is not built; there are 'transparent', 'fictitious' and 'contact'"
+    if kind is SelfInteraction.CONTACT and cable.stretch is not None:
+        yield "self_interaction", "self_interaction: 'contact' of a cable that stretches is not built; leave out 'stretch'"
+    if kind is SelfInteraction.FICTITIOUS and cable.bend_radius is None:
+        yield "self_interaction", "self_interaction: 'fictitious' needs 'bend_radius', the least radius to which the cable bends; give it"
     if cable.natural_curvature is not None and not all(abs(value) < CURVATURE_MAX for value in cable.natural_curvature):
         yield "natural_curvature", f"natural_curvature: {list(cable.natural_curvature)} 1/m must be finite, each below {CURVATURE_MAX:g}"
     for index, mass in enumerate(cable.masses):

@@ -41,7 +41,7 @@ def _check_numbers(key: str, value: Cable | Section | LumpedMass) -> None:
 
 
 _RANGES: Final = {
-    **dict.fromkeys(("length", "diameter", "micro_length", "start", "end", "at"), ("m", LENGTH_MAX)),
+    **dict.fromkeys(("length", "diameter", "micro_length", "bend_radius", "start", "end", "at"), ("m", LENGTH_MAX)),
     **dict.fromkeys(("bending", "bending_2", "twist"), ("N m^2", STIFFNESS_MAX)),
     "stretch": ("N", FORCE_MAX),
     "mass_per_length": ("kg/m", MASS_MAX),

@@ -23,6 +23,32 @@ RUBS: Final = (2, 3, 4)
 """Codes of the kinds with a force along the surface, which depends on how far a contact slides."""
 
 
+class SelfInteraction(Enum):
+    """What becomes of a cable where it meets itself."""
+
+    TRANSPARENT = "transparent"  # nothing: it passes through
+    BOND = "bond"  # the two points stick; not built
+    FICTITIOUS = "fictitious"  # it passes through, but bends no tighter than its bend radius, as if around an obstacle
+    CONTACT = "contact"  # one-sided, without friction
+
+
+class SelfTouch(IntEnum):
+    """How two places of one cable meet: the codes of `SelfContacts.kind`."""
+
+    CONTACT = 0  # one-sided; both places slide to where they are nearest, the first within half a segment of its node
+
+
+class Inclination(Enum):
+    """Whether a body dictates the tangent of a cable where it is bonded to it."""
+
+    FREE = "free"  # G_0: the mechanics choose
+    FIXED = "fixed"  # G_inf: square to the body's normal
+
+
+INCLINATION_CODES: Final[tuple[Inclination, ...]] = (Inclination.FREE, Inclination.FIXED)
+"""Kinds of inclination in the order of the codes that `Contacts.inclination` carries."""
+
+
 class Hold(Enum):
     """What a gripper fixes at the point of the cable that it holds."""
 

@@ -22,6 +22,8 @@ from .parts import Grasps as Grasps
 from .parts import Part as Part
 from .parts import PointLoads as PointLoads
 from .parts import Problem as Problem
+from .parts import SelfContacts as SelfContacts
+from .parts import SelfReactions as SelfReactions
 from .parts import Shape as Shape
 from .parts import Start as Start
 from .rubbing import FrictionLaw as FrictionLaw

@@ -20,7 +20,7 @@ from .checks import (
     check_units,
 )
 from .errors import MessageError
-from .kinds import FRICTION_CODES, RUBS, Feature, Hold, Model, Outcome
+from .kinds import FRICTION_CODES, INCLINATION_CODES, RUBS, Feature, Hold, Model, Outcome, SelfTouch
 from .part import Part as Part
 from .rubbing import Rubbed as Rubbed
 from .rubbing import Rubbing as Rubbing
@@ -67,11 +67,14 @@ class Contacts(Part, frozen=True):
     friction: np.ndarray  # (m,) int, index into `kinds.FRICTION_CODES`
     force: np.ndarray  # (m, 3) N, on the cable; what to start from
     rubbing: Rubbing | None = None  # of the contacts whose friction is one of `kinds.RUBS`
+    inclination: np.ndarray | None = None  # (m,) int, index into `kinds.INCLINATION_CODES`; None: free everywhere
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
         count = len(self.s)
         check_count("contacts", count, CONTACTS_MAX)
+        if self.inclination is not None:
+            check_integers("contacts.inclination", self.inclination, count, 0, len(INCLINATION_CODES) - 1)
         for name, low, high in (("body", -1, 10_000), ("feature", 0, len(Feature) - 1), ("friction", 0, len(FRICTION_CODES) - 1)):
             check_integers(f"contacts.{name}", getattr(self, name), count, low, high)
         for name in ("s", "distance"):
@@ -85,6 +88,41 @@ class Contacts(Part, frozen=True):
         rubs = np.flatnonzero(np.isin(self.friction, RUBS)) if count and self.friction.max() >= RUBS[0] else np.zeros(0, dtype=np.int64)
         if not np.array_equal(rubs, () if self.rubbing is None else self.rubbing.contact):
             raise MessageError("contacts.rubbing: must have a row for every contact whose friction is 2, 3 or 4", key="contacts.rubbing")
+
+
+class SelfContacts(Part, frozen=True):
+    """Places where a cable touches itself or may do so, one row each; see `SelfTouch` for the kinds."""
+
+    s: np.ndarray  # (k, 2) m, arc lengths of both places
+    kind: np.ndarray  # (k,) int, a `SelfTouch`
+    normal: np.ndarray  # (k, 3) unit, from the second place to the first: which is on which side
+    distance: np.ndarray  # (k,) m, between the axes when they touch
+    force: np.ndarray  # (k, 3) N, on the first place, and against it on the second; what to start from
+
+    def __post_init__(self) -> None:
+        """Check shapes and ranges."""
+        count = len(self.s)
+        check_count("self_contacts", count, CONTACTS_MAX)
+        check_integers("self_contacts.kind", self.kind, count, 0, len(SelfTouch) - 1)
+        check_floats("self_contacts.s", self.s, (count, 2), EXTENT_MAX)
+        check_floats("self_contacts.normal", self.normal, (count, 3), EXTENT_MAX)
+        check_floats("self_contacts.distance", self.distance, (count,), EXTENT_MAX)
+        check_floats("self_contacts.force", self.force, (count, 3), 1e9)
+        check_units("self_contacts.normal", self.normal)
+
+
+class SelfReactions(Part, frozen=True):
+    """What a cable does to itself, in the order of the request's self-contacts."""
+
+    s: np.ndarray  # (k, 2) m, where both places have slid to
+    force: np.ndarray  # (k, 3) N, on the first place; the opposite acts on the second
+    gap: np.ndarray  # (k,) m
+
+    def __post_init__(self) -> None:
+        """Check shapes and ranges."""
+        check_floats("self_reactions.s", self.s, (len(self.s), 2), EXTENT_MAX)
+        check_floats("self_reactions.force", self.force, (len(self.s), 3), HUGE)
+        check_floats("self_reactions.gap", self.gap, (len(self.s),), EXTENT_MAX)
 
 
 class PointLoads(Part, frozen=True):
@@ -129,6 +167,7 @@ class Problem(Part, frozen=True):
     loads: PointLoads | None = None
     model: Model = Model.AUTO
     turns: tuple[int, ...] = ()  # whole turns more than the least, from each clamp to the next; none unless given
+    self_contacts: SelfContacts | None = None
     branch: int = 0  # on a cold start, 0: the shape found first; k: the k-th by energy of all stable shapes found, from 1
 
     def __post_init__(self) -> None:
@@ -146,6 +185,9 @@ class Problem(Part, frozen=True):
         rubbing = self.contacts.rubbing if self.contacts is not None else None
         if rubbing is not None and len(rubbing.s) and not 0 <= rubbing.s.min() <= rubbing.s.max() <= length:
             raise MessageError(f"rubbing.s: must lie from 0 to the cable's length, {length:g} m", key="rubbing.s")
+        touched = self.self_contacts
+        if touched is not None and len(touched.s) and not 0 <= touched.s.min() <= touched.s.max() <= length:
+            raise MessageError(f"self_contacts.s: must lie from 0 to the cable's length, {length:g} m", key="self_contacts.s")
         if all(hold is Hold.GUIDE for hold in self.grasps.hold):
             raise MessageError("grasps.hold: all are guides, along which the cable slides off; add a clamp or a hinge", key="grasps.hold")
         if self.loads is not None and len(self.loads.s) and not 0 <= self.loads.s.min() <= self.loads.s.max() <= length:
@@ -204,6 +246,7 @@ class Shape(Part, frozen=True):
     fold: float | None  # further steps like the last one until the shape snaps, predicted; None where no fold is in sight
     cost: Cost
     rubbed: Rubbed | None = None  # of the contacts that rub
+    self_reactions: SelfReactions | None = None  # none without self-contacts in the request
 
     def __post_init__(self) -> None:
         """Check shapes and ranges; an outcome without a shape has empty arrays."""

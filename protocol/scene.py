@@ -25,7 +25,7 @@ from .cable import Vector as Vector
 from .cable import cable_mistakes, reaches_any_distance
 from .errors import SceneError
 from .friction import COEFFICIENT_MAX, friction_mistakes
-from .kinds import Friction, Hold, Primitive
+from .kinds import Friction, Hold, Inclination, Primitive
 
 Quaternion = tuple[float, float, float, float]  # (x, y, z, w)
 
@@ -68,6 +68,7 @@ class Body:
     friction_speed: Annotated[Positive, Unit("m/s")] | None = None  # v0 of "regularized"
     friction_table: tuple[tuple[float, ...], ...] = ()  # of "defined": speed in m/s, then the coefficient, or forces in N
     friction_normals: tuple[float, ...] = ()  # N, normal forces that the forces of the table belong to; without: coefficients
+    inclination: Inclination = Inclination.FREE  # of a cable bonded to it
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,8 @@ def check_scene(scene: Scene) -> None:
             raise SceneError(f"bodies[{index}]: {sentence}", key=f"bodies[{index}]")
         for name, sentence in friction_mistakes(body):
             raise SceneError(f"bodies[{index}].{sentence}", key=f"bodies[{index}].{name}")
+        if body.inclination is Inclination.FIXED:
+            _check_inclined(f"bodies[{index}].inclination", body, scene.cables)
     for index, move in enumerate(scene.moves):
         for place, target in enumerate(move.targets):
             _check_target(f"moves[{index}].targets[{place}]", target, grippers, scene.bodies)
@@ -207,6 +210,14 @@ def _check_gripper(key: str, gripper: Gripper, cables: dict[str, Cable], robot: 
         raise SceneError(sentence, key=f"{key}.approach")
     if gripper.arm is not None and robot is None:
         raise SceneError(f"{key}.arm: '{gripper.arm}' needs a [robot] in the scene", key=f"{key}.arm")
+
+
+def _check_inclined(key: str, body: Body, cables: tuple[Cable, ...]) -> None:
+    if body.friction is not Friction.BOND:
+        raise SceneError(f"{key}: 'fixed' is of cables bonded to '{body.name}'; give it friction = \"bond\"", key=key)
+    for cable in cables:
+        if cable.bending is None:
+            raise SceneError(f"{key}: 'fixed' needs cables with 'bending' and 'twist'; '{cable.name}' has none", key=key)
 
 
 def _check_target(key: str, target: Target, grippers: dict[str, Gripper], of_scene: tuple[Body, ...]) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from protocol.kinds import Outcome
-from protocol.messages import Cost, Problem, Shape
+from protocol.messages import Cost, Problem, SelfReactions, Shape
 
 from . import numpy_path
 from .reading import Reading, rubbed
@@ -42,6 +42,7 @@ def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, p
         contact_forces=reading.contact_forces,
         contact_moments=reading.contact_moments,
         contact_s=reading.contact_s,
+        self_reactions=_self_reactions(solution) if task.problem.self_contacts is not None else None,
         outcome=Outcome.CONVERGED,
         sentence=sentence,
         model="rod",
@@ -66,6 +67,13 @@ def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, p
         ),
         rubbed=rubbed(task.problem, system, found, reading.contact_s, task.path),
     )
+
+
+def _self_reactions(solution: Solution) -> SelfReactions:
+    """What the cable does to itself."""
+    system, found, reading = solution.system, solution.found, solution.reading
+    view, own = found.seen, slice(system.body_rows, None)
+    return SelfReactions(s=reading.self_places, force=reading.self_push[:, None] * view.normal[own], gap=view.gap[own])
 
 
 def _known(error: float) -> float | None:

@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from .inclined import inclined_rows
 from .rod import is_active
+from .strand_rows import Spread, no_spread, strand_rows
 
 SOFTNESS = 1e-7  # m by which a contact or bond gives way under the typical force
 
@@ -25,6 +27,8 @@ class Border(NamedTuple):
     contacts: np.ndarray  # (c,) int, which contacts have a row
     rubs: np.ndarray  # (r,) int, which contacts with friction have two rows
     saddles: int  # negative directions that the curvature rows bring with them
+    spread: Spread  # rows of self-contacts and of their curvature, whose `vector` is zero
+    inclined: Spread  # rows of inclination, whose `vector` is zero
 
 
 @njit(cache=True, error_model="numpy")
@@ -40,13 +44,18 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     bent, rows, saddles = _bent(rod, state, view)
     rubs = np.arange(len(state.ease)) if is_exact else np.flatnonzero(state.ease > 0.0)
     first, last = len(held), len(held) + len(contacts)
-    count = last + rows + 2 * len(rubs)
+    spread, stiffness = no_spread()
+    if len(rod.strands.distance) > 0:
+        spread, stiffness = strand_rows(rod, state, view, contacts, first, last + rows)
+    count = last + rows + len(stiffness) + 2 * len(rubs)
     element, fraction, vector = np.empty(count, dtype=np.int64), np.empty(count), np.empty((count, 3))
     is_turn, compliance, residual = np.zeros(count, dtype=np.bool_), np.zeros((count, count)), np.zeros(count)
     hard = SOFTNESS / rod.force_scale
     for k in range(first):
         row = held[k]
         element[k], fraction[k], vector[k] = rod.held.element[row], rod.held.fraction[row], rod.held.axis[row]
+        if row >= len(rod.held.element) - rod.held.inclined:
+            vector[k] = 0.0
         if not is_exact:
             compliance[k, k] = soft[0]
             continue
@@ -62,6 +71,9 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     at = last
     for row in bent:
         at = _add_curvature(rod, state, view, row, at, element, fraction, vector, is_turn, compliance)
+    for k in range(len(stiffness)):
+        element[at], fraction[at], vector[at], compliance[at, at] = 0, 0.0, 0.0, 1.0 / stiffness[k]
+        at += 1
     for row in rubs:
         for axis in range(2):
             element[at], fraction[at], vector[at] = rod.rub.element[row], rod.rub.fraction[row], rod.rub.axes[row, axis]
@@ -78,7 +90,9 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
         held=held,
         contacts=contacts,
         rubs=rubs,
-        saddles=saddles,
+        saddles=saddles + (stiffness > 0.0).sum(),
+        spread=spread,
+        inclined=inclined_rows(rod, held, len(rod.lengths)),
     )
 
 

@@ -230,7 +230,7 @@ def _advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     holds, let_go = state.holds.copy(), False
     for bond in range(len(holds)):
         along = 0.0
-        for row in range(len(step.force)):
+        for row in range(len(step.force) - rod.held.inclined):
             if rod.held.bond[row] == bond:
                 for k in range(3):
                     along += step.force[row] * rod.held.axis[row, k] * rod.held.normal[bond, k]

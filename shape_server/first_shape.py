@@ -14,7 +14,7 @@ from .cold import PULL, curve_frames
 from .descent import off_the_saddle, relax, settle_or_relax
 from .equilibrium import Settled
 from .rod import NO_RUB, Rod, State
-from .system import System
+from .system import System, no_strands
 from .task import Task
 
 SLIP: Final = 2.5  # rad of twist between the curve to start from and the shape; beyond, two in three were not the lowest
@@ -38,7 +38,7 @@ def from_grasps(task: Task, system: System) -> Settled:
     empty = system.rod.touch._replace(**{name: column[:0] for name, column in system.rod.touch._asdict().items()})
     free = replace(
         system,
-        rod=system.rod._replace(touch=empty, rub=NO_RUB, rub_of=empty.contact),
+        rod=system.rod._replace(touch=empty, rub=NO_RUB, rub_of=empty.contact, strands=no_strands()),
         push=np.zeros(0),
         fraction=np.zeros(0),
         drag=np.zeros((0, 2)),

@@ -54,6 +54,10 @@ class Follower:
             raise CablecosimError("a Follower takes a cable with 'bending', without clamps inside it; use solve() for others")
         if effects.rubs(problem):
             raise CablecosimError(f"a Follower is not built {effects.WITH_FRICTION}")
+        if problem.self_contacts is not None or problem.cable.bend_radius is not None:
+            raise CablecosimError("a Follower is not built for self-contacts and 'bend_radius'; use solve() from the last shape")
+        if problem.contacts is not None and problem.contacts.inclination is not None and problem.contacts.inclination.any():
+            raise CablecosimError("a Follower is not built for a fixed inclination; use solve() from the last shape")
         self._problem, self._gravity, self._extrapolate = problem, gravity, extrapolate
         self._state: State
         self._mesh = even(stops(problem), problem.grasps.s, segments)
@@ -212,7 +216,7 @@ def is_clamped(problem: Problem) -> bool:
     """Whether a cable is clamped at both ends, and free of contact, stretch and micro-structure length between them."""
     held, cable = problem.grasps, problem.cable
     at_ends = held.hold == (Hold.CLAMP, Hold.CLAMP) and held.s[0] == 0.0 and held.s[1] == cable.length
-    is_simple = cable.stretch is None and cable.micro_length is None and cable.bending is not None
+    is_simple = cable.stretch is None and cable.micro_length is None and cable.bend_radius is None and cable.bending is not None
     return at_ends and problem.contacts is None and is_simple
 
 

@@ -41,9 +41,12 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float) -> Hangin
     """The catenaries of a cable without bending; what touches it is the matter of `touching`."""
     load = problem.cable.mass_per_length * np.asarray(gravity)
     sentence = not_built(problem, float(np.linalg.norm(load)))
+    touched = problem.contacts
+    if touched is not None and touched.inclination is not None and touched.inclination.any():
+        sentence = "a cable without bending has no inclination to fix; give the cable 'bending' and 'twist', or leave the inclination free"
     if sentence:
         return nothing(problem, Outcome.UNSUPPORTED, sentence)
-    if problem.contacts is not None:
+    if touched is not None:
         from .touching import solve_touching
 
         return solve_touching(problem, load, tolerance)

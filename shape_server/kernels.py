@@ -22,6 +22,7 @@ from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import descend as descend
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
+from .inclined import add_couples as add_couples
 from .margin import smallest_stiffness as smallest_stiffness
 from .newton import border_columns as border_columns
 from .newton import linear_system as linear_system

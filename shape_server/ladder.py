@@ -45,7 +45,7 @@ def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
         return Model.CATENARY
     if problem.start is not None or not _is_plain(problem) or cable.stretch is not None or cable.natural_curvature is not None:
         return Model.ROD
-    if any(problem.turns) or problem.branch:
+    if any(problem.turns) or problem.branch or cable.bend_radius is not None:
         return Model.ROD
     if cable.micro_length is not None:
         shape = gradient_shape(problem, gravity, tolerance, (), time.perf_counter())
@@ -71,7 +71,14 @@ def _is_plain(problem: Problem) -> bool:
     """Whether the cable is held at its two ends and touches and carries nothing."""
     grasps, cable = problem.grasps, problem.cable
     at_ends = len(grasps.s) == 2 and grasps.s[0] == 0.0 and grasps.s[1] == cable.length
-    return at_ends and problem.contacts is None and problem.loads is None and not cable.sections and not cable.masses
+    return (
+        at_ends
+        and problem.contacts is None
+        and problem.self_contacts is None
+        and problem.loads is None
+        and not cable.sections
+        and not cable.masses
+    )
 
 
 def _layer(problem: Problem, grasp_forces: np.ndarray) -> float:

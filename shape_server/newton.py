@@ -20,6 +20,7 @@ from numba import njit
 
 from .axial import add_give
 from .band import eliminate
+from .bend_limit import add_limit
 from .border import SOFTNESS, border_rows
 from .chain import carried_forces
 from .closing import close
@@ -27,6 +28,7 @@ from .elimination import columns
 from .rod import node_forces
 from .smoothing import add_smoothing
 from .stick_slip import close_rubbing
+from .strand_rows import add_spread
 from .vertices import assemble
 
 NOT_ROUND = 1e-5  # of the stiffness that holds the roll of a round cable
@@ -61,6 +63,8 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
         couple = _couple(rod, view, row)
         for k in range(2):
             gradient[rod.touch.element[row], k] -= state.push[row] * couple[k]
+    if len(rod.elastic.limit) > 0:
+        add_limit(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, gradient, diagonal, upper)
     beyond = np.empty((0, 3, 3))
     if len(rod.elastic.smoothing) > 0:
         beyond = add_smoothing(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, gradient, diagonal, upper)
@@ -158,6 +162,10 @@ def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-unt
         couple = _couple(rod, view, row)
         for axis in range(2):
             matrix[rod.touch.element[row], axis, len(border.held) + k] += couple[axis]
+    if len(border.spread.row) > 0:
+        add_spread(view.axes, view.lengths, rod.base, border.spread, matrix)
+    if len(border.inclined.row) > 0:
+        add_spread(view.axes, view.lengths, rod.base, border.inclined, matrix)
     if len(rod.give) > 0:
         add_give(
             rod.give,

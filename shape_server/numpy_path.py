@@ -132,6 +132,6 @@ linear_system, border_rows, border_columns = _plain["linear_system"], _plain["bo
 look, node_forces, energy = _plain["look"], _plain["node_forces"], _plain["energy"]
 interpolate_frames, smallest_stiffness = _plain["interpolate_frames"], _plain["smallest_stiffness"]
 frames_along, sagging_tangents, turn_onto = _plain["frames_along"], _plain["sagging_tangents"], _plain["turn_onto"]
-close, contact_geometry = _plain["close"], _plain["contact_geometry"]
+close, contact_geometry, add_couples = _plain["close"], _plain["contact_geometry"], _plain["add_couples"]
 drag_limit, normal_forces, stick_slip = _plain["drag_limit"], _plain["normal_forces"], _plain["stick_slip"]
 section_forces, twist_of = _plain["section_forces"], _plain["twist_of"]

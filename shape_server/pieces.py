@@ -176,7 +176,8 @@ def of_piece(problem: Problem, first: float, last: float) -> tuple[np.ndarray, n
 
 
 def _part_of(contacts: Contacts, chosen: np.ndarray, first: float) -> Contacts:
-    columns = {name: getattr(contacts, name)[chosen] for name in contacts.__struct_fields__ if name != "rubbing"}
+    given = {name: getattr(contacts, name) for name in contacts.__struct_fields__ if name != "rubbing"}
+    columns = {name: column[chosen] for name, column in given.items() if column is not None}
     columns["s"] = columns["s"] - first
     return Contacts(**columns, rubbing=_rubbing(contacts.rubbing, chosen, first))
 

@@ -58,8 +58,8 @@ def port(system: System, state: State, path: ModuleType) -> Port:
         CablecosimError: If the last node is not clamped, nothing else holds the cable, or it has a micro-structure length or friction.
     """
     rod = system.rod
-    if len(rod.elastic.smoothing):
-        raise CablecosimError("a port is not built for 'micro_length'; leave it out")
+    if len(rod.elastic.smoothing) or len(rod.elastic.limit) or len(rod.strands.distance):
+        raise CablecosimError("a port is not built for 'micro_length', 'bend_radius' and self-contacts; leave them out")
     if len(rod.rub.element):
         raise CablecosimError("a port is not built for contacts with friction; give them 'none' or 'bond'")
     clamp, last = int(rod.clamp_of_node[-1]), len(system.mesh.grasp_nodes) - 1

@@ -30,6 +30,8 @@ class Reading:
     contact_forces: Array  # (m, 3) N
     contact_moments: Array  # (m, 3) N m, about the axis at `contact_s`
     contact_s: Array  # (m,) m
+    self_places: Array  # (k, 2) m, where the cable touches itself
+    self_push: Array  # (k,) N
     energy: float  # J
     total_twist: float  # rad
 
@@ -41,11 +43,13 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     wrenches = np.zeros((len(problem.grasps.s), 6))
     contact_forces = np.zeros((0 if problem.contacts is None else len(problem.contacts.s), 3))
     pulls = state.force[:, None] * rod.held.axis
-    on_grasp = len(system.row_grasp) - 3 * len(system.bond_contact)  # rows of bonds come last
+    last = len(system.row_grasp) - rod.held.inclined  # rows of inclination come last, before them those of bonds
+    on_grasp = last - 3 * len(system.bond_contact)
     np.add.at(wrenches[:, :3], system.row_grasp[:on_grasp], pulls[:on_grasp])
     if len(contact_forces):
-        np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:]], pulls[on_grasp:])
-        np.add.at(contact_forces, rod.touch.contact, state.push[:, None] * view.push)
+        np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:last]], pulls[on_grasp:last])
+        pushing = slice(0, system.body_rows)
+        np.add.at(contact_forces, rod.touch.contact[pushing], (state.push[:, None] * view.push)[pushing])
         contact_forces[rod.rub.contact] += np.einsum("fa,fax->fx", state.drag, rod.rub.axes)
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
     # The base has no rows: its force is what is left over from all others.
@@ -53,30 +57,47 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     held = view.nodes[system.mesh.grasp_nodes]
     contact_s = contact_places(problem, system, found)
     places = _on_axis(view.nodes, *system.mesh.locate(contact_s))
-    contact_moments = _contact_moments(system, found, len(contact_forces)) - _crosses(places, contact_forces)
+    contact_moments = _contact_moments(system, found, len(contact_forces), path) - _crosses(places, contact_forces)
     moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces)
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
     energy = float(path.energy(rod, state, view))
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())
-    return Reading(view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, energy, float(twist))
+    places, pushes = self_places(system, found), state.push[system.body_rows :]
+    return Reading(
+        view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, places, pushes, energy, float(twist)
+    )
 
 
-def _contact_moments(system: System, found: Settled, count: int) -> Array:
+def self_places(system: System, found: Settled) -> Array:
+    """Where along the cable it touches itself, (k, 2) [m]."""
+    mesh = system.mesh
+    first, many = len(found.state.push), len(system.rod.strands.distance)
+    places = found.state.fraction[first : first + 2 * many].reshape(-1, 2)
+    return np.asarray(np.interp(places, np.arange(len(mesh.s)), mesh.s))
+
+
+def _contact_moments(system: System, found: Settled, count: int, path: ModuleType) -> Array:
     """Moments (m, 3) [N m] of all contacts about the world's origin.
 
     A bond acts at its point of the axis. What pushes acts where it touches: its moment is that of a force at the axis and the couple of
     `contact_geometry`, zero on a face, where the line of the force meets the axis.
     """
     rod, state, view = system.rod, found.state, found.seen
-    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.bond >= 0)
+    last = len(rod.held.bond) - rod.held.inclined
+    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.bond[:last] >= 0)
     if len(bonds):
         pulls = state.force[bonds, None] * rod.held.axis[bonds]
         moments = _crosses(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), pulls)
         np.add.at(out, system.bond_contact[rod.held.bond[bonds]], moments)
-    moments = _crosses(_on_axis(view.nodes, rod.touch.element, state.fraction), view.push)
-    moments += view.numbers[:, 2:3] * _crosses(view.axes[rod.touch.element, 2], view.normal)
-    np.add.at(out, rod.touch.contact, state.push[:, None] * moments)
+    for row in range(last, len(rod.held.bond)):
+        couple = np.zeros_like(view.nodes)
+        path.add_couples(couple, rod.held._replace(inclined=1), state.force[: row + 1], state.holds)
+        out[system.bond_contact[rod.held.bond[row]]] += cross_sum(view.nodes, couple)
+    element, pushing = rod.touch.element, slice(0, system.body_rows)
+    moments = _crosses(_on_axis(view.nodes, element, state.fraction[: len(element)]), view.push)
+    moments += view.numbers[:, 2:3] * _crosses(view.axes[element, 2], view.normal)
+    np.add.at(out, rod.touch.contact[pushing], (state.push[:, None] * moments)[pushing])
     if len(state.drag):
         held = _on_axis(view.nodes, rod.rub.element, rod.rub.fraction)
         out[rod.rub.contact] += _crosses(held, np.einsum("fa,fax->fx", state.drag, rod.rub.axes))
@@ -118,9 +139,10 @@ def contact_places(problem: Problem, system: System, found: Settled) -> Array:
     """Where along the cable every contact is (m,) [m]: the middle of its rows, by their forces; where it was if it is open."""
     if problem.contacts is None:
         return np.zeros(0)
-    touch, mesh, state = system.rod.touch, system.mesh, found.state
-    s = np.array(problem.contacts.s)
-    place = mesh.s[touch.element] + state.fraction * mesh.lengths[touch.element]
-    force = np.bincount(touch.contact, weights=state.push, minlength=len(s))
-    moment = np.bincount(touch.contact, weights=state.push * place, minlength=len(s))
+    touch, mesh, many = system.rod.touch, system.mesh, system.body_rows
+    s, push = np.array(problem.contacts.s), found.state.push[:many]
+    element, contact = touch.element[:many], touch.contact[:many]
+    place = mesh.s[element] + found.state.fraction[:many] * mesh.lengths[element]
+    force = np.bincount(contact, weights=push, minlength=len(s))
+    moment = np.bincount(contact, weights=push * place, minlength=len(s))
     return np.where(force > 0.0, moment / np.where(force > 0.0, force, 1.0), s)

@@ -57,7 +57,7 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
                 return no_shape(problem, task.used, Outcome.UNSUPPORTED, sentence, "rod", task.seconds, spent)
             break
     else:
-        return _failed(task, found, spent)
+        return failed(task, found, spent)
     levels = [Solution(task, system, found)]
     if mesh is None:
         layered = _layered(task, levels[0], places)
@@ -65,7 +65,7 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
             levels = [_next(task, levels[0], layered)]
             spent += levels[0].found.iterations
     if not _is_good(levels[0]):
-        return _failed(task, levels[0].found, spent)
+        return failed(task, levels[0].found, spent)
     while True:
         last = levels[-1]
         reading, price = judged(task, levels, spent)
@@ -77,7 +77,7 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
         spent += finer.found.iterations
         if not _is_good(finer):
             if mesh is not None or len(levels) == 1:
-                return _failed(task, finer.found, spent)
+                return failed(task, finer.found, spent)
             why = f"{_sentence(task, price, last)}; on twice as many segments {WHY[finer.found.why]}"
             return rod_shape(task, last, reading, why, price)
         levels = [*levels[-2:], finer]
@@ -107,7 +107,7 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
         iterations=spent,
         solved=solved,
     )
-    if not task.extrapolate or task.problem.contacts is not None or len(last.system.mesh.s) != 2 * len(before.system.mesh.s) - 1:
+    if not task.extrapolate or task.touches or len(last.system.mesh.s) != 2 * len(before.system.mesh.s) - 1:
         return reading, plain
     if task.budget is None and plain.error <= task.tolerance:
         return reading, plain
@@ -143,7 +143,7 @@ def _change(coarse: np.ndarray, fine: np.ndarray) -> float:
 
 def _is_enough(task: Task, levels: list[Solution], price: Price) -> bool:
     count = len(levels[-1].system.rod.lengths)
-    finest = FINEST if task.problem.contacts is None else FINEST_TOUCHING
+    finest = FINEST_TOUCHING if task.touches else FINEST
     if 2 * count > finest:
         return True
     return task.budget is None and price.error <= task.tolerance and _turn_at_nodes(levels[-1]) <= TURN_MOST
@@ -164,9 +164,10 @@ def _sentence(task: Task, price: Price, last: Solution) -> str:
     return f"{how}; the error estimate of {price.error:.2g} m is above the tolerance of {task.tolerance:.2g} m on {nodes} nodes"
 
 
-def _failed(task: Task, found: Settled, spent: int) -> Shape:
+def failed(task: Task, found: Settled, spent: int, how: str = "cold start") -> Shape:
+    """No shape, and why."""
     outcome = Outcome.UNSTABLE if found.is_converged else Outcome.NOT_CONVERGED
-    why = f"cold start: {WHY[found.why]}" + (f"; {link.advice(task.problem)}" if any(task.problem.turns) else "")
+    why = f"{how}: {WHY[found.why]}" + (f"; {link.advice(task.problem)}" if any(task.problem.turns) else "")
     return no_shape(task.problem, task.used, outcome, why, "rod", task.seconds, spent)
 
 

@@ -35,10 +35,11 @@ def transfer(path: ModuleType, finer: System, coarser: System, state: State) -> 
     """The state of a rod carried over to another mesh: frames interpolated along s, forces kept."""
     there, here = _middles(coarser, state.frames), 0.5 * (finer.mesh.s[:-1] + finer.mesh.s[1:])
     moved = finer.start(path.interpolate_frames(*there, here))
-    push = np.zeros(len(moved.push))
-    if len(push) and len(state.push):
-        fine, coarse = finer.rod.touch.contact, coarser.rod.touch.contact
-        total = np.bincount(coarse, weights=state.push, minlength=int(fine.max()) + 1)
+    push, body = np.zeros(len(moved.push)), finer.body_rows
+    fine, coarse = finer.rod.touch.contact[:body], coarser.rod.touch.contact[: coarser.body_rows]
+    push[body:] = state.push[coarser.body_rows :]
+    if len(fine) and len(coarse):
+        total = np.bincount(coarse, weights=state.push[: len(coarse)], minlength=int(fine.max()) + 1)
         first = np.unique(fine, return_index=True)[1]
         push[first] = total[fine[first]]
     return moved._replace(

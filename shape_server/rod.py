@@ -12,9 +12,12 @@ import numpy as np
 from numba import njit
 
 from .axial import pulled_lengths
+from .bend_limit import limit_energy
 from .chain import carried_forces, directors, positions
 from .contact_geometry import FAR, contact_geometry
+from .inclined import add_couples, incline
 from .smoothing import smoothing_energy
+from .strands import Strands, add_strand_forces, meet
 from .vertices import elastic_energy
 
 
@@ -26,10 +29,14 @@ class Elastic(NamedTuple):
     node_law: np.ndarray  # (n, 3) N m^2, in series over half of each neighbour
     node_bent: np.ndarray  # (n, 3) 1/m
     smoothing: np.ndarray  # (n-1, 2) N m^3, see `smoothing`; empty without a micro-structure length
+    limit: np.ndarray  # (2,) 1/m and N m^2, see `bend_limit`; empty without a least bend radius
 
 
 class Held(NamedTuple):
-    """Rows of points of the cable that are held: axis . r(s) = goal, for all grasps but the base, then the bonds."""
+    """Rows of points of the cable that are held: axis . r(s) = goal, for all grasps but the base, then the bonds.
+
+    After these come the rows of inclination, axis . r' = goal with r' the derivative of the axis along segments (`strands.shares`).
+    """
 
     element: np.ndarray  # (h,) int, segment
     fraction: np.ndarray  # (h,) place along it
@@ -37,12 +44,16 @@ class Held(NamedTuple):
     goal: np.ndarray  # (h,) m
     bond: np.ndarray  # (h,) int, which bond the row belongs to, -1 for a grasp
     normal: np.ndarray  # (b, 3) unit, of every bond: dropped when its force pulls against it
+    inclined: int  # how many rows, the last ones, are those of inclination
 
 
 class Touch(NamedTuple):
-    """One-sided contacts; `contact` says which contact of the request each row is, several may be one."""
+    """One-sided contacts; `contact` says which contact of the request each row is, several may be one.
 
-    contact: np.ndarray  # (m,) int
+    Those of the cable with itself are the last, with zeros here but for their feature; what they are stands in `Strands`.
+    """
+
+    contact: np.ndarray  # (m,) int, a negative number of its own for a self-contact
     element: np.ndarray  # (m,) int, segment where it was found
     feature: np.ndarray  # (m,) int
     point: np.ndarray  # (m, 3) m
@@ -102,6 +113,7 @@ class Rod(NamedTuple):
     touch: Touch
     rub: Rub
     rub_of: np.ndarray  # (m,) int, which row of `rub` the contact of a row has, -1 for none
+    strands: Strands
     length: float  # m
     stiffest: float  # N m^2, largest stiffness against bending
     weight: float  # N, size of the load as a whole
@@ -118,7 +130,7 @@ class State(NamedTuple):
     holds: np.ndarray  # (b,) bool, whether each bond still holds
     push: np.ndarray  # (m,) N, at every contact
     touches: np.ndarray  # (m,) bool, contacts that push
-    fraction: np.ndarray  # (m,) place of each contact along its segment
+    fraction: np.ndarray  # (m + 5k,) place of each contact along its segment, then both places and the normal of each self-contact
     drag: np.ndarray  # (f, 2) N, friction along the axes of `Rub`
     sticks: np.ndarray  # (f,) bool, contacts that touch and do not slide
     ease: np.ndarray  # (f,) m/N, how friction gives way in a descent; not used with exact rows
@@ -153,7 +165,9 @@ def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
     nodes = positions(axes[:, 2], lengths, rod.base, rod.origin)
     held = rod.held
     miss = np.empty(len(held.element))
-    for row in range(len(miss)):
+    if held.inclined > 0:
+        incline(nodes, held, miss)
+    for row in range(len(miss) - held.inclined):
         j, f = held.element[row], held.fraction[row]
         miss[row] = -held.goal[row]
         for k in range(3):
@@ -172,6 +186,8 @@ def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
         touch.extent,
         touch.distance,
     )
+    if len(rod.strands.distance) > 0:
+        meet(nodes, rod.strands, fraction, gap, normal)
     force, touches = _handed_over(touch, gap, state.push, state.touches)
     moved = State(state.frames, state.force, state.holds, force, touches, fraction, state.drag, state.sticks, state.ease)
     return moved, View(axes, lengths, nodes, miss, gap, normal, push, slide, across, numbers, _slips(rod.rub, nodes))
@@ -218,13 +234,18 @@ def _handed_over(touch, gap, push, touches):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def node_forces(rod, state, view):  # type: ignore[no-untyped-def]
     """Loads, forces at held points and contact forces, shared by the nodes: (n, 3) [N]. The base is left out."""
-    return _node_forces(rod, state, view.push)
+    forces = _node_forces(rod, state, view.push)
+    if len(rod.strands.distance) > 0:
+        add_strand_forces(forces, rod.strands, state.push, state.fraction, view.normal)
+    return forces
 
 
 @njit(cache=True, error_model="numpy")
 def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     forces = rod.loads.copy()
-    for row in range(len(state.force)):
+    if rod.held.inclined > 0:
+        add_couples(forces, rod.held, state.force, state.holds)
+    for row in range(len(state.force) - rod.held.inclined):
         if is_active(rod, state, row):
             _share(forces, rod.held.element[row], rod.held.fraction[row], state.force[row], rod.held.axis[row])
     for row in range(len(state.push)):
@@ -267,6 +288,8 @@ def energy(rod, state, view):  # type: ignore[no-untyped-def]
     total = elastic_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
     if len(rod.elastic.smoothing) > 0:
         total += smoothing_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
+    if len(rod.elastic.limit) > 0:
+        total += limit_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
     for node in range(len(rod.loads)):
         for k in range(3):
             total -= rod.loads[node, k] * view.nodes[node, k]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .bend_limit import place, secant
 from .chain import carried_forces
 from .rod import node_forces
 from .smoothing import tied
@@ -43,6 +44,8 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
                 moments[clamp, k] += world[k] if side == 0 else -world[k]
     if len(rod.elastic.smoothing) > 0:
         _add_smoothing(rod, state, curvature, moments)
+    if len(rod.elastic.limit) > 0:
+        _add_limit(rod, state, moments)
     return tension, curvature, twist_of(rod, state), moments
 
 
@@ -68,6 +71,22 @@ def _add_smoothing(rod, state, curvature, moments):  # type: ignore[no-untyped-d
             second = rod.clamp_frames[clamp] if side == 1 else state.frames[segment]
             relative(first, second, rho)
             _moment(rho, cell, law, mean, second, world)
+            for k in range(3):
+                moments[clamp, k] += world[k] if side == 1 else -world[k]
+
+
+@njit(cache=True)
+def _add_limit(rod, state, moments):  # type: ignore[no-untyped-def]
+    """Add what the least bend radius does to the moments of clamps."""
+    law, none, rho, world = np.zeros(3), np.zeros(3), np.empty(4), np.empty(3)
+    for segment in range(len(rod.lengths)):
+        for side in range(2):
+            clamp = rod.clamp_of_node[segment + side]
+            if clamp < 0:
+                continue
+            first, second, cell, kind = place(state.frames, rod.lengths, rod.clamp_of_node, rod.clamp_frames, segment, side)
+            law[0] = law[1] = secant(first, second, cell, kind, rod.elastic.limit, rho)
+            _moment(rho, cell, law, none, second, world)
             for k in range(3):
                 moments[clamp, k] += world[k] if side == 1 else -world[k]
 

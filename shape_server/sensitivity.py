@@ -58,6 +58,10 @@ def sensitivities(problem: Problem, gravity: Vector, shape: Shape) -> Sensitivit
         raise CablecosimError(f"sensitivities are built for a rod; this shape is of the model {shape.model}")
     if effects.rubs(problem):
         raise CablecosimError(f"sensitivities are not built {effects.WITH_FRICTION}")
+    if problem.self_contacts is not None or problem.cable.bend_radius is not None:
+        raise CablecosimError("sensitivities are not built for self-contacts and 'bend_radius'; take differences of solve()")
+    if problem.contacts is not None and problem.contacts.inclination is not None and problem.contacts.inclination.any():
+        raise CablecosimError("sensitivities are not built for a fixed inclination; take differences of solve()")
     begun = Start(s=shape.s, frames=shape.frames, grasp_forces=np.ascontiguousarray(shape.grasp_wrenches[:, :3]))
     touched = problem.contacts
     if touched is not None:

@@ -57,6 +57,9 @@ def solve(
     if any(problem.turns) and model is not Model.ROD:
         sentence = f"whole turns of twist were asked for, which the model '{model.value}' does not know; ask for the rod"
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
+    if problem.self_contacts is not None and model is not Model.ROD:
+        sentence = f"the model '{model.value}' does not meet itself; ask for the rod, with 'bending' and 'twist'"
+        return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
         return ladder.catenary_shape(problem, gravity, tolerance, used, begun)
     if model is Model.TAUT:
@@ -102,6 +105,13 @@ def _not_a_rod(problem: Problem) -> str:
         return "a rod needs 'bending' and 'twist'; give them, or ask for the catenary"
     if problem.branch and problem.contacts is not None:
         return "branches are looked for without contacts only; leave out 'branch' or 'contacts'"
+    if problem.self_contacts is not None:
+        if problem.cable.stretch is not None:
+            return "self-contacts of a cable that stretches are not built; leave out 'stretch'"
+        if len(pieces.cuts(problem)) > 2:
+            return "self-contacts of a cable with clamps along its way are not built; hold it there by hinges"
+        if problem.start is None:
+            return "self-contacts need a start shape, which says on which side of the other each strand lies; give 'start'"
     return ""
 
 

@@ -14,9 +14,11 @@ from protocol.messages import PointLoads, Problem
 from protocol.scene import Cable, Vector
 
 from . import effects
+from .contact_geometry import STRAND
 from .mesh import Mesh
 from .numpy_path import directors
 from .rod import NO_RUB, Elastic, Held, Rod, Rub, State, Touch
+from .strands import Strands
 
 KICK_MOST = 0.05  # rad, how far to go off a saddle
 
@@ -29,11 +31,16 @@ class System:
     rod: Rod
     force: np.ndarray  # (h,) N, of every row of held points, to start from
     push: np.ndarray  # (m,) N, of every contact, to start from
-    fraction: np.ndarray  # (m,) place of every contact along its segment, to start from
+    fraction: np.ndarray  # (m + 5k,) place of every contact along its segment, both and the normal of every self-contact, to start from
     drag: np.ndarray  # (f, 2) N, of every contact with friction, to start from
     base: int  # which grasp is the origin of positions, and has no rows
     row_grasp: np.ndarray  # (h,) int, which grasp each row holds; -1 for a bond
     bond_contact: np.ndarray  # (b,) int, which contact of the request each bond is
+
+    @property
+    def body_rows(self) -> int:
+        """How many rows are contacts with bodies; those of the cable with itself come after them."""
+        return len(self.push) - len(self.rod.strands.distance)
 
     def start(self, frames: np.ndarray) -> State:
         """The state with the given frames and the forces that the request starts from."""
@@ -65,6 +72,8 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
     held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
     touch, push, fraction = _touch(problem, used, mesh, touching)
     rub, rub_of, drag = _rub(problem, used, mesh, touch)
+    touch, strands, push, fraction = _with_strands(problem, used, mesh, touch, push, fraction)
+    rub_of = np.append(rub_of, np.full(len(push) - len(rub_of), -1, dtype=np.int64))
     shortest, kick = _spans(problem)
     rod = Rod(
         lengths=np.array(mesh.lengths),
@@ -79,6 +88,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
         touch=touch,
         rub=rub,
         rub_of=rub_of,
+        strands=strands,
         length=cable.length,
         stiffest=matter.stiffest,
         weight=matter.weight,
@@ -110,7 +120,7 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
     mesh = Mesh(nodes, np.diff(nodes), np.zeros(0, dtype=np.int64))
     point_loads = None if given is None else PointLoads(s=np.frombuffer(given[0]), force=np.frombuffer(given[1]).reshape(-1, 3))
     loads, law, bent = np.zeros((len(mesh.s), 3)), np.zeros((len(mesh.lengths), 3)), np.zeros((len(mesh.lengths), 3))
-    give, smoothing = np.zeros(0), np.zeros((0, 2))
+    give, smoothing, limit = np.zeros(0), np.zeros((0, 2)), np.zeros(0)
     for effect in (effects.load(name) for name in used):
         if hasattr(effect, "node_loads"):
             loads += effect.node_loads(cable, point_loads, gravity, mesh)
@@ -122,7 +132,9 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
             give = effect.give(cable, mesh)
         if hasattr(effect, "smoothing"):
             smoothing = effect.smoothing(cable, mesh)
-    elastic = elastic_of(law, bent, mesh.lengths, smoothing)
+        if hasattr(effect, "limit"):
+            limit = effect.limit(cable, mesh)
+    elastic = elastic_of(law, bent, mesh.lengths, smoothing)._replace(limit=limit)
     return Matter(elastic, loads, give, _stiffest(elastic, mesh), float(np.linalg.norm(loads.sum(axis=0))))
 
 
@@ -148,7 +160,7 @@ def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray, smoothing
         mean = (before * law[:-1] + after * law[1:]) / (before + after)
         share = np.tanh(4.0 * micro_length(law, smoothing, lengths) / (before + after))
         node_law[1:-1, :2] = (1.0 / ((1.0 - share) / node_law[1:-1] + share / mean))[:, :2]
-    return Elastic(law, bent, node_law, node_bent, smoothing)
+    return Elastic(law, bent, node_law, node_bent, smoothing, np.zeros(0))
 
 
 def micro_length(law: np.ndarray, smoothing: np.ndarray, lengths: np.ndarray) -> float:
@@ -167,7 +179,7 @@ def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tup
     element, fraction = mesh.locate(grasps.s[row_grasp])
     point, force = grasps.position[row_grasp], start[row_grasp]
     bond, normal = np.full(len(row_grasp), -1, dtype=np.int64), np.zeros((0, 3))
-    bond_contact = np.zeros(0, dtype=np.int64)
+    bond_contact, inclined = np.zeros(0, dtype=np.int64), 0
     if "bond" in used:
         assert problem.contacts is not None
         bond_contact = np.flatnonzero(problem.contacts.friction == FRICTION_CODES.index(Friction.BOND))
@@ -178,7 +190,15 @@ def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tup
         point, force = np.vstack([point, bonds.anchor[each]]), np.vstack([force, bonds.force[each]])
         bond, normal = np.append(bond, each), np.array(bonds.normal)
         row_grasp = np.append(row_grasp, np.full(len(each), -1))
-    held = Held(element, fraction, axis, np.einsum("ij,ij->i", axis, point), bond, normal)
+    if "inclination" in used:
+        assert problem.contacts is not None
+        chosen = effects.load("inclination").bonds(problem.contacts, bond_contact)
+        element, fraction = np.append(element, bonds.element[chosen]), np.append(fraction, bonds.fraction[chosen])
+        axis, bond = np.vstack([axis, normal[chosen]]), np.append(bond, chosen)
+        none = np.zeros((len(chosen), 3))
+        point, force, row_grasp = np.vstack([point, none]), np.vstack([force, none]), np.append(row_grasp, np.full(len(chosen), -1))
+        inclined = len(chosen)
+    held = Held(element, fraction, axis, np.einsum("ij,ij->i", axis, point), bond, normal, inclined)
     return held, np.einsum("ij,ij->i", axis, force), row_grasp, bond_contact
 
 
@@ -217,6 +237,27 @@ def _rub(problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: Touch) -> t
     row_of_contact = np.full(len(problem.contacts.s), -1, dtype=np.int64)
     row_of_contact[rub.contact] = np.arange(len(rub.contact))
     return rub, row_of_contact[touch.contact], drag
+
+
+def _with_strands(
+    problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: Touch, push: np.ndarray, fraction: np.ndarray
+) -> tuple[Touch, Strands, np.ndarray, np.ndarray]:
+    """Contacts with bodies, those of the cable with itself after them, and the forces and places of both."""
+    if "self_contact" not in used:
+        return touch, no_strands(), push, fraction
+    assert problem.self_contacts is not None
+    strands, own_push, places = effects.load("self_contact").rows(problem.self_contacts, len(push), mesh)
+    more = len(own_push)
+    columns = {
+        name: np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]) for name, column in touch._asdict().items()
+    }
+    columns["contact"][len(push) :], columns["feature"][len(push) :] = -1 - np.arange(more), STRAND
+    return Touch(**columns), strands, np.append(push, own_push), np.concatenate([fraction, np.zeros(more), places])
+
+
+def no_strands() -> Strands:
+    """A cable that does not touch itself."""
+    return Strands(0, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
 
 
 def _spans(problem: Problem) -> tuple[float, float]:

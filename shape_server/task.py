@@ -44,6 +44,11 @@ class Task:
         return grouped(self.problem, self.used)
 
     @property
+    def touches(self) -> bool:
+        """Whether the cable may touch anything; what touches changes with the mesh, so that no two of them combine."""
+        return self.problem.contacts is not None or self.problem.self_contacts is not None
+
+    @property
     def seconds(self) -> float:
         """[s] Since the task was begun."""
         return time.perf_counter() - self.begun
@@ -74,9 +79,9 @@ class Solution:
         A clamp, a contact or a point load bends the cable over this length; a micro-structure length, if shorter, is a layer in the layer.
         """
         rod, mesh, touch = self.system.rod, self.system.mesh, self.system.rod.touch
-        on = self.found.state.push > 0.0
+        on = np.flatnonzero(self.found.state.push[: self.system.body_rows] > 0.0)
         touched = mesh.s[touch.element[on]] + self.found.state.fraction[on] * mesh.lengths[touch.element[on]]
-        places = np.concatenate([self.stops, touched])
+        places = np.concatenate([self.stops, touched, self.reading.self_places[self.reading.self_push > 0.0].ravel()])
         segment, _ = mesh.locate(places)
         force = np.abs(self.reading.tension)
         beside = np.maximum(force[segment], force[np.maximum(segment - 1, 0)])

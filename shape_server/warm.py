@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
+from protocol.kinds import SelfInteraction
 from protocol.messages import Shape
 
 from .answer import rod_shape
 from .descent import off_the_saddle, relax
-from .equilibrium import NEAR, WHY, Settled
+from .equilibrium import NEAR, NO_MINIMUM, WHY, Settled
 from .mesh import Mesh, from_nodes, halved
-from .refine import cold, judged
+from .refine import cold, failed, judged
 from .richardson import transfer
+from .rod import State
 from .task import Solution, Task
+
+PATIENCE: Final = 4  # descents one after the other of a cable that meets itself, which has nothing else to begin from than its last shape
 
 
 def warm(task: Task) -> Shape:
@@ -23,14 +29,24 @@ def warm(task: Task) -> Shape:
     rod, begin = system.rod, system.start(np.array(start.frames))
     found = Settled(*task.path.settle(rod, begin, 0.0))
     sentence = "settled from the start shape"
+    is_own = task.problem.cable.self_interaction is SelfInteraction.CONTACT
     if not (found.is_converged and found.is_stable):
         sentence = f"relaxed from the start shape, because {WHY[found.why]}"
-        relaxed = relax(task.path, rod, off_the_saddle(task.path, rod, begin, found), task.progress)
-        found = relaxed._replace(iterations=relaxed.iterations + found.iterations)
+        spent = found.iterations
+        begin = off_the_saddle(task.path, rod, begin, found)
+        for _ in range(PATIENCE if is_own else 1):
+            found = relax(task.path, rod, begin, task.progress)
+            spent, after = spent + found.iterations, State(*found.state)
+            begin = after._replace(frames=task.path.retract(after.frames, task.path.kick(rod)))
+            if found.why != NO_MINIMUM:
+                break
+        found = found._replace(iterations=spent)
+    if not (found.is_converged and found.is_stable) and task.problem.self_contacts is not None:
+        return failed(task, found, found.iterations, sentence)  # a start anew would not know which strand is on which side
     if not (found.is_converged and found.is_stable):
         return cold(task, mesh=system.mesh, spent=found.iterations)
     levels = [Solution(task, system, found)]
-    for _ in range(2 if task.extrapolate and task.problem.contacts is None else 1):
+    for _ in range(2 if task.extrapolate and not task.touches else 1):
         coarser = _coarser(task, levels[0])
         if coarser is None:
             break

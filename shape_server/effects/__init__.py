@@ -8,6 +8,7 @@ sums what the effects add without knowing any of them by name:
 - `natural(cable, mesh)`: curvature and twist of every segment when free of any load [1/m];
 - `give(cable, mesh)`: growth of every segment under a unit of tension [m/N];
 - `smoothing(cable, mesh)`: stiffness of every segment against a difference of curvature between its ends [N m^3];
+- `limit(cable, mesh)`: largest curvature [1/m], and the stiffness beyond it [N m^2];
 - `rows(contacts, chosen, mesh)`: border rows, each with a force as its unknown; of one-sided contacts what `grouped` says of them
   is in the place of `chosen`, of those with friction what `laws` says of them.
 """
@@ -31,10 +32,13 @@ ASKED_BY: Final[dict[str, Callable[[Problem, Vector], bool]]] = {
     "twist": lambda problem, _: problem.cable.twist is not None,
     "preform": lambda problem, _: _has(problem.cable, "natural_curvature"),
     "micro_length": lambda problem, _: problem.cable.micro_length is not None,
+    "bend_radius": lambda problem, _: problem.cable.bend_radius is not None,
     "stretch": lambda problem, _: problem.cable.stretch is not None,
     "contact": lambda problem, _: _has_contact(problem, Friction.NONE) or rubs(problem),
     "friction": lambda problem, _: rubs(problem),
     "bond": lambda problem, _: _has_contact(problem, Friction.BOND),
+    "inclination": lambda problem, _: _has_inclined_bond(problem),
+    "self_contact": lambda problem, _: problem.self_contacts is not None and len(problem.self_contacts.s) > 0,
 }
 """Every effect and the question whether a problem asks for it; the key is the name of its file."""
 
@@ -59,6 +63,13 @@ def _has_contact(problem: Problem, friction: Friction) -> bool:
 def rubs(problem: Problem) -> bool:
     """Whether a contact has a kind of friction whose force depends on how far it slides."""
     return problem.contacts is not None and problem.contacts.rubbing is not None and len(problem.contacts.rubbing.contact) > 0
+
+
+def _has_inclined_bond(problem: Problem) -> bool:
+    touched = problem.contacts
+    if touched is None or touched.inclination is None:
+        return False
+    return bool(((touched.inclination == 1) & (touched.friction == FRICTION_CODES.index(Friction.BOND))).any())
 
 
 def _has(cable: Cable, name: str) -> bool:

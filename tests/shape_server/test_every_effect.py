@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import shape_server
 from protocol.kinds import Feature, Friction
-from protocol.messages import PointLoads, Problem
+from protocol.messages import PointLoads, Problem, SelfContacts, Start
 from protocol.scene import LumpedMass, Vector
 from shape_server import effects, numpy_path, solve
 from shape_server.rod import State
@@ -34,6 +34,26 @@ FOLDER = Path(shape_server.__file__).parent / "effects"
 ROD = Problem(cable=cable(mass=0.0), grasps=span())
 FEATURE = Row(s=0.47, point=(0.28, 0.0, -0.2), direction=(0.0, 1.0, 0.0), feature=Feature.EDGE)
 LOADS = PointLoads(s=np.array([0.25, 0.47]), force=np.array([[0.1, -0.2, -0.3], [0.0, 0.1, 0.2]]))
+
+
+def arch() -> Start:
+    """A cable that bends evenly by 2.6 rad, about as far as its grasps ask for."""
+    turns = np.linspace(-1.3, 1.3, 12)
+    frames = (Rotation.from_rotvec(np.outer(turns, [0.0, 1.0, 0.0])) * Rotation.from_quat(ALONG_X)).as_quat()
+    return Start(s=np.linspace(0.0, 1.0, 13), frames=frames, grasp_forces=np.zeros((2, 3)))
+
+
+def near_itself(distance: float) -> SelfContacts:
+    """Two places of the cable that may touch."""
+    return SelfContacts(
+        s=np.array([[0.14, 0.77], [0.17, 0.8]]),
+        kind=np.zeros(2, dtype=np.int64),
+        normal=np.array([[-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]),
+        distance=np.full(2, distance),
+        force=np.zeros((2, 3)),
+    )
+
+
 POSTURES: dict[str, tuple[Problem, Vector]] = {
     "gravity": (Problem(cable=cable(), grasps=span()), GRAVITY),
     "masses": (Problem(cable=replace(cable(mass=0.0), masses=(LumpedMass(0.47, 0.1),)), grasps=span()), GRAVITY),
@@ -42,12 +62,22 @@ POSTURES: dict[str, tuple[Problem, Vector]] = {
     "twist": (ROD, WEIGHTLESS),
     "preform": (replace_part(ROD, cable=replace(cable(mass=0.0), natural_curvature=(0.5, -2.0, 1.0))), WEIGHTLESS),
     "micro_length": (replace_part(ROD, cable=replace(cable(mass=0.0), micro_length=0.1)), WEIGHTLESS),
+    "bend_radius": (replace_part(ROD, cable=replace(cable(mass=0.0), bend_radius=0.4)), WEIGHTLESS),
     "stretch": (replace_part(ROD, cable=replace(cable(mass=0.0), stretch=20.0)), WEIGHTLESS),
     "contact": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(FEATURE)), WEIGHTLESS),
     "bond": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(replace(FEATURE, friction=Friction.BOND))), WEIGHTLESS),
+    "inclination": (
+        Problem(
+            cable=cable(mass=0.0),
+            grasps=span(),
+            contacts=replace_part(contacts(replace(FEATURE, friction=Friction.BOND)), inclination=np.array([1])),
+        ),
+        WEIGHTLESS,
+    ),
+    "self_contact": (Problem(cable=cable(mass=0.0), grasps=span(), start=arch(), self_contacts=near_itself(0.009)), WEIGHTLESS),
 }
 """A posture for every effect: the smallest problem that asks for it."""
-INTERNAL = ("bending", "twist", "preform", "micro_length", "stretch")  # forces of the cable on itself
+INTERNAL = ("bending", "twist", "preform", "micro_length", "bend_radius", "stretch", "self_contact")  # forces of the cable on itself
 
 EVERY = pytest.mark.parametrize("name", list(effects.ASKED_BY))
 
@@ -68,7 +98,10 @@ def loaded(name: str) -> tuple[System, State]:
     problem, gravity = POSTURES[name]
     rod = build(problem, gravity)
     frames = crooked(len(rod.mesh.lengths))
-    if len(rod.push):
+    if name == "self_contact":
+        gap = look(rod, state_of(rod, frames))[1].gap.min()
+        rod = build(replace_part(problem, self_contacts=near_itself(0.009 + gap - 1e-3)), gravity)
+    elif len(rod.push):
         rod = build(Problem(cable=problem.cable, grasps=problem.grasps, contacts=contacts(under(rod, frames))), gravity)
     state = state_of(rod, frames)
     force = np.random.default_rng(9).normal(size=state.force.shape)
@@ -103,10 +136,15 @@ def moved(problem: Problem, gravity: Vector, turn: Rotation, shift: np.ndarray) 
             direction=turn.apply(touched.direction),
         )
     g = turn.apply(gravity)
-    loads = problem.loads
+    loads, start, own = problem.loads, problem.start, problem.self_contacts
     if loads is not None:
         loads = replace_part(loads, force=turn.apply(loads.force))
-    return Problem(cable=problem.cable, grasps=held, contacts=touched, loads=loads), (float(g[0]), float(g[1]), float(g[2]))
+    if start is not None:
+        start = replace_part(start, frames=(turn * Rotation.from_quat(start.frames)).as_quat())
+    if own is not None:
+        own = replace_part(own, normal=turn.apply(own.normal))
+    there = Problem(cable=problem.cable, grasps=held, contacts=touched, loads=loads, start=start, self_contacts=own)
+    return there, (float(g[0]), float(g[1]), float(g[2]))
 
 
 def quadratic_form(found: Model, turn: np.ndarray) -> float:
@@ -234,13 +272,18 @@ def test_the_gradient_turns_and_moves_with_the_problem(name: str) -> None:
     rod, state = loaded(name)
     turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
     problem, gravity = POSTURES[name]
-    if len(rod.push):
+    if name == "self_contact":
+        problem = replace_part(problem, self_contacts=near_itself(float(rod.rod.strands.distance[0])))
+    elif len(rod.push):
         problem = Problem(cable=problem.cable, grasps=problem.grasps, contacts=contacts(under(rod, state.frames)))
     rod_there = build(*moved(problem, gravity, turn, np.array([0.4, -2.0, 1.3])))
     frames = (turn * Rotation.from_quat(state.frames)).as_quat()
     there = state._replace(frames=frames)
-    turned = turn.apply(state.force.reshape(-1, 3))
-    there = there._replace(force=turned.ravel())
+    points = len(state.force) - rod.rod.held.inclined
+    turned = turn.apply(state.force[:points].reshape(-1, 3))
+    there = there._replace(force=np.append(turned.ravel(), state.force[points:]))
+    if name == "self_contact":
+        there = there._replace(fraction=rod_there.fraction)
     expected = model(rod, state).gradient
     np.testing.assert_allclose(model(rod_there, there).gradient, expected, atol=1e-12)
 
@@ -280,11 +323,15 @@ def test_leaving_an_effect_out_leaves_out_its_unknowns(name: str) -> None:
         "preform": rod.elastic.bent.any(),
         "micro_length": len(rod.elastic.smoothing) > 0,
         "stretch": len(rod.give) > 0,
+        "bend_radius": len(rod.elastic.limit) > 0,
+        "inclination": rod.held.inclined > 0,
+        "self_contact": len(rod.strands.distance) > 0,
         "contact": len(rod.touch.contact) > 0,
         "bond": len(rod.held.element) > len(bare.held.element),
     }
     assert added[name]
-    assert len(bare.touch.contact) == len(bare.give) == len(bare.elastic.smoothing) == 0
+    assert len(bare.touch.contact) == len(bare.give) == len(bare.elastic.smoothing) == len(bare.elastic.limit) == 0
+    assert len(bare.strands.distance) == bare.held.inclined == 0
     assert not bare.loads.any()
     assert not bare.elastic.bent.any()
     assert len(bare.held.element) == 3

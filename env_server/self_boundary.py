@@ -1,0 +1,100 @@
+"""Where one cable meets itself, as boundary conditions: which places are handed to the shape server, and when they have settled.
+
+Every place within reach is a one-sided row; the server decides which push. The side on which one strand lies of the other is the one
+in the last shape that settled, and no step may take two strands through each other (`free_share`), so that it never flips.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from protocol.kinds import SelfTouch
+from protocol.messages import SelfContacts, SelfReactions, Shape
+
+from .self_touch import SelfCandidates, search
+
+DEPTH_OK: Final = 2e-6  # m; deeper, and the boundary conditions are evaluated again
+NEAR: Final = 6.0  # radii, gap within which places are handed to the shape server
+SAME_PLACE: Final = 1.6  # segments; a push as near to a row at both places says the same
+SAME_SIDE: Final = -0.5  # cosine; a normal may turn by up to 120 degrees in one step
+NO_REACTIONS: Final = SelfReactions(s=np.zeros((0, 2)), force=np.zeros((0, 3)), gap=np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Where a cable is near itself in one shape, and what it did to itself there."""
+
+    radius: float  # m
+    candidates: SelfCandidates
+    reactions: SelfReactions
+
+    def contacts(self, s: np.ndarray) -> SelfContacts | None:
+        """The rows to ask the shape server about; None if no two places are within reach.
+
+        Args:
+            s: (n,) [m] Arc length of the nodes that the candidates refer to.
+        """
+        found, pushes = self.candidates, _places(self.reactions.s, s)
+        if not len(found.gap):
+            return None
+        force = np.zeros((len(found.gap), 3))
+        for row in np.flatnonzero((self.reactions.force != 0.0).any(axis=1)).tolist():
+            away = np.abs(found.place - pushes[row]).max(axis=1)
+            nearest = int(np.argmin(np.where(found.normal @ self.reactions.force[row] > 0.0, away, np.inf)))
+            if away[nearest] < SAME_PLACE:
+                force[nearest] += np.linalg.norm(self.reactions.force[row]) * found.normal[nearest]
+        return SelfContacts(
+            s=np.interp(found.place, np.arange(len(s)), s),
+            kind=np.full(len(found.gap), int(SelfTouch.CONTACT)),
+            normal=np.array(found.normal),
+            distance=np.full(len(found.gap), 2.0 * self.radius),
+            force=force,
+        )
+
+    def is_settled(self, asked: SelfContacts | None, shape: Shape) -> bool:
+        """Whether every place where strands are in each other had a row of its cell, and none is on the other side of it.
+
+        The server's axis is smooth, and runs by up to kappa h^2 / 8 inside the polygon that is searched here, on both strands: with a row
+        they may seem to be in each other by that.
+        """
+        found, cell = self.candidates, np.zeros(0)
+        rows = np.zeros((0, 2))
+        if asked is not None:
+            cell, rows = np.round(_places(asked.s[:, 0], shape.s)), _places(self.reactions.s, shape.s)
+        for place in np.flatnonzero(found.gap < -DEPTH_OK).tolist():
+            same = (cell == np.round(found.place[place, 0])) & (np.abs(rows[:, 1] - found.place[place, 1]) < SAME_PLACE)
+            if not same.any():
+                return False
+            assert asked is not None
+            if (asked.normal[same] @ found.normal[place]).max() < SAME_SIDE:
+                return False
+        return True
+
+    def free_share(self, moved: np.ndarray) -> float:
+        """Share of the way, by `moved` (n-1,) [m] for every segment, that surely takes no two strands through each other."""
+        return float(((self.candidates.clearance - self.radius) / np.maximum(moved + moved.max(), 1e-12)).min())
+
+    def least_share(self, was: Shape, now: Shape, least: float) -> float:
+        """Share of the way that is taken in any case, towards a shape that may lie beyond a body; but not through the cable itself."""
+        node = np.linalg.norm(now.nodes - was.nodes, axis=1)
+        return min(least, max(0.8 * self.free_share(np.maximum(node[1:], node[:-1])), 0.0))
+
+
+def meet(shape: Shape, radius: float, room: float) -> Meeting:
+    """Where a cable is near itself.
+
+    Args:
+        shape: With what it did to itself.
+        radius: [m] Of the cable.
+        room: [m] Gap up to which it may move without a look; places within `NEAR` radii are handed to the shape server.
+    """
+    reactions = shape.self_reactions if shape.self_reactions is not None else NO_REACTIONS
+    return Meeting(radius, search(shape.nodes, shape.s, radius, NEAR * radius, max(room, NEAR * radius)), reactions)
+
+
+def _places(arc_lengths: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Places [segments from the start] of arc lengths [m]."""
+    return np.asarray(np.interp(arc_lengths, s, np.arange(len(s))))
