@@ -82,7 +82,7 @@ def test_fig_6_a_bond_holds_until_one_part_and_then_both_are_straight() -> None:
         ends = np.array([[x, 0.0, 1.0], [5 * UNIT, 0.0, 1.0]])
         held = Grasps(s=np.array([0.0, 12 * UNIT]), position=ends, quaternion=np.tile([0.0, 0, 0, 1], (2, 1)), hold=(Hold.HINGE,) * 2)
         boundary = boundary.drawn_through(held, REST)
-        rows = boundary.contacts(nothing, np.array([0.0, 12 * UNIT]), REST)
+        rows = boundary.contacts(nothing, np.array([0.0, 12 * UNIT]), REST, 0.0)
         shape = solve(Problem(cable=CABLE, grasps=held, contacts=rows), (0.0, 0.0, -9.81))
         outcome = shape.outcome
         if outcome is not Outcome.CONVERGED:

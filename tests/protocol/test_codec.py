@@ -165,6 +165,7 @@ OPTIONAL = {
     ("ShapeRequest", "contacts"), ("ShapeRequest", "start"),
     ("ShapeRequest", "loads"), ("ShapeRequest", "model"), ("ShapeRequest", "turns"), ("ShapeRequest", "branch"),
     ("ShapeRequest", "coefficient"), ("ShapeRequest", "speed"), ("ShapeRequest", "table"),
+    ("ShapeRequest", "self_contacts"), ("ShapeRequest", "inclination"), ("ShapeReply", "self_reactions"), ("Frame", "self_reactions"),
     ("ShapeReply", "rubbed"), ("Frame", "rubbed"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
