@@ -17,9 +17,9 @@ from .curve import turn_onto as turn_onto
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
 from .equilibrium import begin_stiffness as begin_stiffness
-from .equilibrium import descend as descend
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
+from .iteration import iterate as iterate
 from .margin import smallest_stiffness as smallest_stiffness
 from .newton import border_columns as border_columns
 from .newton import linear_system as linear_system
