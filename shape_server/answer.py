@@ -35,7 +35,7 @@ def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, p
     return Shape(
         s=system.mesh.s,
         nodes=reading.nodes,
-        frames=found.state.frames,
+        frames=reading.frames,
         tension=reading.tension,
         curvature=reading.curvature,
         grasp_wrenches=reading.wrenches,

@@ -19,6 +19,8 @@ from .elimination import factor_and_solve as factor_and_solve
 from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
+from .half_cells import lacking as lacking
+from .half_cells import mend as mend
 from .iteration import iterate as iterate
 from .margin import smallest_stiffness as smallest_stiffness
 from .newton import border_columns as border_columns

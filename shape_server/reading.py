@@ -12,6 +12,7 @@ from protocol.messages import Problem
 
 from .balance import balanced, cross_sum
 from .equilibrium import Settled
+from .rod import State
 from .system import System
 
 Array = np.ndarray
@@ -22,6 +23,7 @@ class Reading:
     """Everything that a shape says in numbers, on one mesh."""
 
     nodes: Array  # (n, 3) m
+    frames: Array  # (n-1, 4)
     tension: Array  # (n-1,) N, at the middle of every segment
     curvature: Array  # (n,) 1/m
     wrenches: Array  # (g, 6) N and N m, on the cable at every grasp
@@ -34,6 +36,22 @@ class Reading:
 
 def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> Reading:
     """Read a settled rod."""
+    return _read(problem, system, found, path, 0.0, 0.0)
+
+
+def read_mended(problem: Problem, system: System, found: Settled, path: ModuleType) -> Reading:
+    """Read a settled rod with what its half cells at clamps lack, see `half_cells`."""
+    if not len(system.rod.clamp_frames):
+        return read(problem, system, found, path)
+    rod, state = system.rod, State(*found.state)
+    turn, force, moments, energy = path.mend(rod, state, found.seen)
+    mended = state._replace(frames=path.retract(state.frames, turn), force=state.force + force)
+    state, view = path.look(rod, mended, found.seen.push)
+    return _read(problem, system, found._replace(state=state, seen=view), path, moments, float(energy))
+
+
+def _read(problem: Problem, system: System, found: Settled, path: ModuleType, more_moments: Array | float, more_energy: float) -> Reading:
+    """Read a rod whose clamps bear moments (c, 3) [N m], and which stores energy, that its cells do not tell of."""
     rod, state, view = system.rod, found.state, found.seen
     tension, curvature, twist, moments = path.section_forces(rod, state, view)
     wrenches = np.zeros((len(problem.grasps.s), 6))
@@ -44,7 +62,7 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     if len(contact_forces):
         np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:]], pulls[on_grasp:])
         np.add.at(contact_forces, rod.touch.contact, state.push[:, None] * view.push)
-    wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
+    wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments + more_moments
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
     held = view.nodes[system.mesh.grasp_nodes]
@@ -53,10 +71,10 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     contact_moments = _contact_moments(system, found, len(contact_forces)) - _crosses(places, contact_forces)
     moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces)
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
-    energy = float(path.energy(rod, state, view))
+    energy = float(path.energy(rod, state, view)) + more_energy
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())
-    return Reading(view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, energy, float(twist))
+    return Reading(view.nodes, state.frames, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, energy, float(twist))
 
 
 def _contact_moments(system: System, found: Settled, count: int) -> Array:

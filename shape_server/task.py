@@ -16,7 +16,7 @@ from protocol.scene import Vector
 from .descent import Progress
 from .equilibrium import Settled
 from .mesh import Mesh
-from .reading import Reading, read
+from .reading import Reading, read, read_mended
 from .system import System, build, grouped, micro_length
 
 
@@ -61,6 +61,11 @@ class Solution:
     def reading(self) -> Reading:
         """All that it says."""
         return read(self.task.problem, self.system, self.found, self.task.path)
+
+    @cached_property
+    def mended(self) -> Reading:
+        """All that it says once its half cells at clamps are mended, to be combined with another mesh."""
+        return read_mended(self.task.problem, self.system, self.found, self.task.path)
 
     @cached_property
     def sections(self) -> tuple[np.ndarray, np.ndarray]:
