@@ -34,6 +34,7 @@ class Task:
     path: ModuleType
     progress: Progress
     begun: float = field(default_factory=time.perf_counter)
+    reach: int = 1  # segments to either side of a contact on which it may be found
 
     def system(self, mesh: Mesh) -> System:
         """The equations on a mesh."""
@@ -41,7 +42,7 @@ class Task:
 
     @cached_property
     def _touching(self) -> Any:
-        return grouped(self.problem, self.used)
+        return grouped(self.problem, self.used, self.reach)
 
     @property
     def seconds(self) -> float:
