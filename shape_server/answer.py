@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from protocol.kinds import Outcome
-from protocol.messages import Cost, Problem, SelfReactions, Shape
+from protocol.messages import Contacts, Cost, Problem, SelfReactions, Shape
 
 from . import numpy_path
 from .reading import Reading, rubbed
 from .task import Solution, Task
+
+FELT: Final = 1e-5  # of the length, what is too near where the error is not known
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,15 @@ class Price:
 
 def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, price: Price) -> Shape:
     """The answer that a settled rod is; `reading` may combine it with that of a coarser mesh."""
-    found, system = solution.found, solution.system
+    found, system, error = solution.found, solution.system, price.error
+    if task.problem.contacts is not None:
+        sentence, error = _with_trespass(task.problem.contacts, system.mesh.s, reading.nodes, sentence, error)
     estimated = time.perf_counter()
     margin = float(task.path.smallest_stiffness(system.rod, found.state, found.seen)[0]) if task.margin else None
     return Shape(
         s=system.mesh.s,
         nodes=reading.nodes,
-        frames=found.state.frames,
+        frames=reading.frames,
         tension=reading.tension,
         curvature=reading.curvature,
         grasp_wrenches=reading.wrenches,
@@ -48,7 +53,7 @@ def rod_shape(task: Task, solution: Solution, reading: Reading, sentence: str, p
         model="rod",
         effects=task.used,
         left_out={},
-        error=_known(price.error),
+        error=_known(error),
         error_tension=_known(price.error_tension),
         error_curvature=_known(price.error_curvature),
         residual=float(task.path.unbalanced(system.rod, found.state, found.seen)),
@@ -74,6 +79,17 @@ def _self_reactions(solution: Solution) -> SelfReactions:
     system, found, reading = solution.system, solution.found, solution.reading
     view, own = found.seen, slice(system.body_rows, None)
     return SelfReactions(s=reading.self_places, force=reading.self_push[:, None] * view.normal[own], gap=view.gap[own])
+
+
+def _with_trespass(contacts: Contacts, s: np.ndarray, nodes: np.ndarray, sentence: str, error: float) -> tuple[str, float]:
+    """The sentence and the error [m] of a shape that may pass an edge a second time, where it was not asked to touch it."""
+    from .trespass import trespass
+
+    deep, place, contact = trespass(contacts, s, nodes)
+    if not deep > (error if math.isfinite(error) else FELT * s[-1]):
+        return sentence, error
+    told = f"at s = {place:.4g} m the cable comes {deep:.2g} m too near to what contact {contact} touches at {contacts.s[contact]:.4g} m"
+    return f"{sentence}; {told}, and needs a contact there too", deep + error
 
 
 def _known(error: float) -> float | None:

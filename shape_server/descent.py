@@ -18,24 +18,28 @@ Progress = Callable[[int, float], None]
 
 def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settled:
     """Descend to a minimum of the energy from any state, then settle there."""
-    begun = state._replace(push=np.maximum(state.push, 0.0))
-    seen, view = path.look(rod, begun, rod.touch.normal)
-    start = Settled(seen, view, False, False, 0, np.inf, GOING_ON)
-    descent = Descent(start, begun.force, begun.push, begun.drag, float(path.begin_stiffness(rod)), 0.0, 0, np.inf)
+    descent = _begun(path, rod, state._replace(push=np.maximum(state.push, 0.0)))
     while True:
-        descent = Descent(*path.descend(rod, descent, SLICE))
+        descent, settled = path.iterate(rod, descent, SLICE)
         found = descent.settled
         progress(found.iterations, float(found.unbalanced))
         if found.why == CLOSE:
-            settled = Settled(*path.settle(rod, found.state, 0.0))
+            settled = Settled(*settled)
             iterations = found.iterations + settled.iterations
             if settled.is_converged and settled.is_stable:
                 return settled._replace(iterations=iterations)
-            descent = _go_on(path, rod, descent, settled, iterations)
+            descent = _go_on(path, rod, Descent(*descent), settled, iterations)
             if descent.settled.why == NO_MINIMUM:
                 return descent.settled
         elif found.why != GOING_ON:
             return Settled(*found)
+
+
+def _begun(path: ModuleType, rod: Rod, state: State) -> Descent:
+    """A descent that has not begun."""
+    seen, view = path.look(rod, state, rod.touch.normal)
+    start = Settled(seen, view, False, False, 0, np.inf, GOING_ON)
+    return Descent(start, state.force, state.push, state.drag, float(path.begin_stiffness(rod)), 0.0, 0, np.inf)
 
 
 def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, iterations: int) -> Descent:
@@ -51,7 +55,7 @@ def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, itera
 
 def settle_or_relax(path: ModuleType, rod: Rod, begin: State, progress: Progress) -> Settled:
     """Settle from a state nearby; relax from it where that finds no stable equilibrium."""
-    after = Settled(*path.settle(rod, begin, 0.0))
+    after = Settled(*path.iterate(rod, _begun(path, rod, begin), 0)[1])
     progress(after.iterations, float(after.unbalanced))
     if after.is_converged and after.is_stable:
         return after

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -14,13 +15,14 @@ from .cold import PULL, curve_frames
 from .descent import off_the_saddle, relax, settle_or_relax
 from .equilibrium import Settled
 from .rod import NO_RUB, Rod, State
-from .system import System, no_strands
+from .system import System, force_scale, micro_length, no_strands, stiffest
 from .task import Task
 
 SLIP: Final = 2.5  # rad of twist between the curve to start from and the shape; beyond, two in three were not the lowest
 PULLED: Final = 1e-6  # of the length; with less slack a cable that stretches starts straight
 GIVES: Final = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)  # shares of the compliance, on the way to the whole
 SOFTER: Final = (1e3, 1e2, 1e1, 1.0)  # times the stiffness, on the way from a stiff cable to the one asked for
+STRONGER: Final = 4.0  # times the stiffness against a change of curvature, from one micro-structure length to the next
 
 
 def from_grasps(task: Task, system: System) -> Settled:
@@ -154,6 +156,8 @@ def _ways(task: Task, system: System) -> Iterator[Callable[[State], Settled]]:
     yield on_another_curve
     yield beside
     yield by_stiffer
+    if len(rod.elastic.smoothing):
+        yield lambda begin: _by_shorter_micro_lengths(task, system, begin)
 
 
 def _by_stiffer_cables(task: Task, rod: Rod, state: State) -> Settled:
@@ -165,6 +169,26 @@ def _by_stiffer_cables(task: Task, rod: Rod, state: State) -> Settled:
         stiffer = rod._replace(elastic=elastic, stiffest=factor * rod.stiffest)
         found = relax(task.path, stiffer, state, task.progress)
         spent += found.iterations
+        state = State(*found.state)
+    return found._replace(iterations=spent)
+
+
+def _by_shorter_micro_lengths(task: Task, system: System, state: State) -> Settled:
+    """Relax with a micro-structure length as long as the cable, then with longer ones, each from the one before.
+
+    The longer it is, the narrower the valley of shapes whose curvature runs straight from end to end, all that is left at last.
+    """
+    rod, spent = system.rod, 0
+    own = rod.elastic
+    steps = max(math.ceil(2.0 * math.log(micro_length(own.law, own.smoothing, rod.lengths) / rod.length) / math.log(STRONGER)), 0)
+    for step in range(steps, -1, -1):
+        elastic = own._replace(smoothing=own.smoothing / STRONGER**step)
+        most = stiffest(elastic, system.mesh)
+        shorter = rod._replace(elastic=elastic, stiffest=most, force_scale=force_scale(rod.weight, most, rod.length))
+        found = settle_or_relax(task.path, shorter, state, task.progress)
+        spent += found.iterations
+        if not found.is_converged:
+            break
         state = State(*found.state)
     return found._replace(iterations=spent)
 

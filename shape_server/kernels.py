@@ -19,10 +19,12 @@ from .drag import normal_forces as normal_forces
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
 from .equilibrium import begin_stiffness as begin_stiffness
-from .equilibrium import descend as descend
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
+from .half_cells import lacking as lacking
+from .half_cells import mend as mend
 from .inclined import add_couples as add_couples
+from .iteration import iterate as iterate
 from .margin import smallest_stiffness as smallest_stiffness
 from .newton import border_columns as border_columns
 from .newton import linear_system as linear_system

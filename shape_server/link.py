@@ -32,12 +32,15 @@ LEAST_PULL: Final = 1e-3  # of EI over length squared; without any the closed fo
 
 
 def shed(task: Task, system: System, asked: State, found: Settled) -> int:
-    """Whole turns that a shape has less than the start curve, whose turns were asked for; even, as each crossing is worth two."""
+    """Whole turns that a shape has less than the start curve, whose turns were asked for.
+
+    They are even, as each crossing is worth two, but for a curve that turns by half a turn or more between two segments: that is told too.
+    """
     _, curve = task.path.look(system.rod, asked, system.rod.touch.normal)
     twist = float(task.path.twist_of(system.rod, asked)) - float(task.path.twist_of(system.rod, found.state))
     ends = curve.axes[0, 2], curve.axes[-1, 2]
     writhes = [writhe(_closed(nodes, *ends)) for nodes in (curve.nodes, found.seen.nodes)]
-    return 2 * round((twist / (2 * np.pi) + writhes[0] - writhes[1]) / 2)
+    return round(twist / (2 * np.pi) + writhes[0] - writhes[1])
 
 
 def writhe(nodes: np.ndarray) -> float:

@@ -126,8 +126,9 @@ _GIVEN = {
     )
 }
 _plain: dict[str, Any] = interpreted({name: item for name, item in vars(kernels).items() if hasattr(item, "py_func")}, _GIVEN)
-begin_stiffness, descend, kick = _plain["begin_stiffness"], _plain["descend"], _plain["kick"]
+begin_stiffness, iterate, kick = _plain["begin_stiffness"], _plain["iterate"], _plain["kick"]
 settle, newton_step, unbalanced = _plain["settle"], _plain["newton_step"], _plain["unbalanced"]
+mend, lacking = _plain["mend"], _plain["lacking"]
 linear_system, border_rows, border_columns = _plain["linear_system"], _plain["border_rows"], _plain["border_columns"]
 look, node_forces, energy = _plain["look"], _plain["node_forces"], _plain["energy"]
 interpolate_frames, smallest_stiffness = _plain["interpolate_frames"], _plain["smallest_stiffness"]

@@ -135,6 +135,8 @@ def compile_kernels() -> ModuleType:
     warm = decode(encode(msgspec.structs.replace(request, problems=(msgspec.structs.replace(problem, start=start),))))
     assert isinstance(warm, ShapeRequest)
     solve(warm.problems[0], request.gravity, tolerance=request.tolerance, margin=True, path=kernels)
+    free = msgspec.structs.replace(warm.problems[0], contacts=None)
+    solve(free, request.gravity, tolerance=1e-9, path=kernels)  # of two meshes combined
     _set_stamp(DONE)
     return kernels
 

@@ -14,6 +14,7 @@ from . import effects
 from .balance import balanced, cross_sum
 from .border import SOFTNESS
 from .equilibrium import Settled
+from .rod import State
 from .system import System
 
 Array = np.ndarray
@@ -24,6 +25,7 @@ class Reading:
     """Everything that a shape says in numbers, on one mesh."""
 
     nodes: Array  # (n, 3) m
+    frames: Array  # (n-1, 4)
     tension: Array  # (n-1,) N, at the middle of every segment
     curvature: Array  # (n,) 1/m
     wrenches: Array  # (g, 6) N and N m, on the cable at every grasp
@@ -38,6 +40,22 @@ class Reading:
 
 def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> Reading:
     """Read a settled rod."""
+    return _read(problem, system, found, path, 0.0, 0.0)
+
+
+def read_mended(problem: Problem, system: System, found: Settled, path: ModuleType) -> Reading:
+    """Read a settled rod with what its half cells at clamps lack, see `half_cells`."""
+    if not len(system.rod.clamp_frames):
+        return read(problem, system, found, path)
+    rod, state = system.rod, State(*found.state)
+    turn, force, moments, energy = path.mend(rod, state, found.seen)
+    mended = state._replace(frames=path.retract(state.frames, turn), force=state.force + force)
+    state, view = path.look(rod, mended, found.seen.push)
+    return _read(problem, system, found._replace(state=state, seen=view), path, moments, float(energy))
+
+
+def _read(problem: Problem, system: System, found: Settled, path: ModuleType, more_moments: Array | float, more_energy: float) -> Reading:
+    """Read a rod whose clamps bear moments (c, 3) [N m], and which stores energy, that its cells do not tell of."""
     rod, state, view = system.rod, found.state, found.seen
     tension, curvature, twist, moments = path.section_forces(rod, state, view)
     wrenches = np.zeros((len(problem.grasps.s), 6))
@@ -51,7 +69,7 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
         pushing = slice(0, system.body_rows)
         np.add.at(contact_forces, rod.touch.contact[pushing], (state.push[:, None] * view.push)[pushing])
         contact_forces[rod.rub.contact] += np.einsum("fa,fax->fx", state.drag, rod.rub.axes)
-    wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments
+    wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments + more_moments
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
     held = view.nodes[system.mesh.grasp_nodes]
@@ -60,12 +78,22 @@ def read(problem: Problem, system: System, found: Settled, path: ModuleType) -> 
     contact_moments = _contact_moments(system, found, len(contact_forces), path) - _crosses(places, contact_forces)
     moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces)
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
-    energy = float(path.energy(rod, state, view))
+    energy = float(path.energy(rod, state, view)) + more_energy
     if len(rod.give):
         energy += float((0.5 * rod.give * tension**2).sum())
-    places, pushes = self_places(system, found), state.push[system.body_rows :]
     return Reading(
-        view.nodes, tension, curvature, wrenches, contact_forces, contact_moments, contact_s, places, pushes, energy, float(twist)
+        nodes=view.nodes,
+        frames=state.frames,
+        tension=tension,
+        curvature=curvature,
+        wrenches=wrenches,
+        contact_forces=contact_forces,
+        contact_moments=contact_moments,
+        contact_s=contact_s,
+        self_places=self_places(system, found),
+        self_push=state.push[system.body_rows :],
+        energy=energy,
+        total_twist=float(twist),
     )
 
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from protocol.kinds import Outcome
+from protocol.kinds import Feature, Outcome
 from protocol.messages import Problem, Shape
 
 from . import branches, link
@@ -30,6 +30,8 @@ COARSEST: Final = 24  # segments of the first mesh
 FINEST: Final = 12_000  # segments of the last one
 FINEST_TOUCHING: Final = 900  # with contacts, which every finer mesh multiplies
 ATTEMPTS: Final = 3  # at a first shape, each on twice as many segments: contacts may not fit into a coarse mesh
+SLIDES: Final = 5  # segments that a contact may slide, where with one no shape was found
+TWIST_MOST: Final = 2.2  # rad between neighbouring segments of the first mesh
 TURN_MOST: Final = 0.5  # rad between neighbouring segments
 
 
@@ -37,7 +39,7 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
     """Solve from the grasps alone, refining the mesh, or on the mesh given and one coarser."""
     problem = task.problem
     places = stops(problem)
-    coarsest = even(places, problem.grasps.s, COARSEST) if mesh is None else halved(mesh)
+    coarsest = even(places, problem.grasps.s, _coarsest(problem)) if mesh is None else halved(mesh)
     for attempt in range(ATTEMPTS if mesh is None else 1):
         coarsest = doubled(coarsest) if attempt else coarsest
         system = task.system(coarsest)
@@ -57,7 +59,7 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
                 return no_shape(problem, task.used, Outcome.UNSUPPORTED, sentence, "rod", task.seconds, spent)
             break
     else:
-        return failed(task, found, spent)
+        return _further(task, mesh, found, spent)
     levels = [Solution(task, system, found)]
     if mesh is None:
         layered = _layered(task, levels[0], places)
@@ -65,7 +67,7 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
             levels = [_next(task, levels[0], layered)]
             spent += levels[0].found.iterations
     if not _is_good(levels[0]):
-        return failed(task, levels[0].found, spent)
+        return _further(task, mesh, levels[0].found, spent)
     while True:
         last = levels[-1]
         reading, price = judged(task, levels, spent)
@@ -77,13 +79,22 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
         spent += finer.found.iterations
         if not _is_good(finer):
             if mesh is not None or len(levels) == 1:
-                return failed(task, finer.found, spent)
+                return _further(task, mesh, finer.found, spent)
             why = f"{_sentence(task, price, last)}; on twice as many segments {WHY[finer.found.why]}"
             return rod_shape(task, last, reading, why, price)
         levels = [*levels[-2:], finer]
         if task.budget is not None and task.seconds + 2.5 * (time.perf_counter() - begun) > task.budget:
             reading, price = judged(task, levels, spent)
             return rod_shape(task, finer, reading, _sentence(task, price, finer), price)
+
+
+def _coarsest(problem: Problem) -> int:
+    """Segments of the first mesh: enough of them for the turns of twist asked for, of which a node can tell half a turn at most."""
+    turns = sum(abs(turn) for turn in problem.turns)
+    count = COARSEST
+    while 2 * math.pi * turns > TWIST_MOST * count:
+        count *= 2
+    return count
 
 
 def _is_good(solution: Solution) -> bool:
@@ -164,11 +175,28 @@ def _sentence(task: Task, price: Price, last: Solution) -> str:
     return f"{how}; the error estimate of {price.error:.2g} m is above the tolerance of {task.tolerance:.2g} m on {nodes} nodes"
 
 
+def _further(task: Task, mesh: Mesh | None, found: Settled, spent: int) -> Shape:
+    """No shape: once more with contacts that may slide further, as edges do that run nearly along the cable."""
+    contacts = task.problem.contacts
+    if task.reach >= SLIDES or contacts is None or (contacts.feature == Feature.FACE).all():
+        return failed(task, found, spent)
+    return cold(replace(task, reach=SLIDES), mesh=mesh, spent=spent)
+
+
 def failed(task: Task, found: Settled, spent: int, how: str = "cold start") -> Shape:
     """No shape, and why."""
     outcome = Outcome.UNSTABLE if found.is_converged else Outcome.NOT_CONVERGED
-    why = f"{how}: {WHY[found.why]}" + (f"; {link.advice(task.problem)}" if any(task.problem.turns) else "")
+    why = f"{how}: {WHY[found.why]}" + (f"; {link.advice(task.problem)}" if any(task.problem.turns) else "") + _too_long(task.problem)
     return no_shape(task.problem, task.used, outcome, why, "rod", task.seconds, spent)
+
+
+def _too_long(problem: Problem) -> str:
+    """What to say of a micro-structure length beyond the length of the cable, when no shape was found."""
+    cable = problem.cable
+    if cable.micro_length is None or cable.micro_length <= cable.length:
+        return ""
+    times = cable.micro_length / cable.length
+    return f"; micro_length is {times:.3g} times the length, which leaves next to nothing but curvatures that run straight from end to end"
 
 
 def _shed(task: Task, system: System, found: Settled) -> int:

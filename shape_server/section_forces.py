@@ -39,7 +39,7 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
             relative(first, second, rho)
             cell = 0.5 * rod.lengths[segment]
             curvature[i] = max(curvature[i], _bend(rho, cell, CLAMP))
-            _moment(rho, cell, rod.elastic.law[segment], rod.elastic.bent[segment], second, world)
+            clamp_moment(rho, cell, rod.elastic.law[segment], rod.elastic.bent[segment], second, world)
             for k in range(3):
                 moments[clamp, k] += world[k] if side == 0 else -world[k]
     if len(rod.elastic.smoothing) > 0:
@@ -70,7 +70,7 @@ def _add_smoothing(rod, state, curvature, moments):  # type: ignore[no-untyped-d
             first = state.frames[segment] if side == 1 else rod.clamp_frames[clamp]
             second = rod.clamp_frames[clamp] if side == 1 else state.frames[segment]
             relative(first, second, rho)
-            _moment(rho, cell, law, mean, second, world)
+            clamp_moment(rho, cell, law, mean, second, world)
             for k in range(3):
                 moments[clamp, k] += world[k] if side == 1 else -world[k]
 
@@ -86,7 +86,7 @@ def _add_limit(rod, state, moments):  # type: ignore[no-untyped-def]
                 continue
             first, second, cell, kind = place(state.frames, rod.lengths, rod.clamp_of_node, rod.clamp_frames, segment, side)
             law[0] = law[1] = secant(first, second, cell, kind, rod.elastic.limit, rho)
-            _moment(rho, cell, law, none, second, world)
+            clamp_moment(rho, cell, law, none, second, world)
             for k in range(3):
                 moments[clamp, k] += world[k] if side == 1 else -world[k]
 
@@ -115,7 +115,7 @@ def _bend(rho, cell, kind):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _moment(rho, cell, law, bent, frame, out):  # type: ignore[no-untyped-def]
+def clamp_moment(rho, cell, law, bent, frame, out):  # type: ignore[no-untyped-def]
     """Moment (3,) [N m], world frame, that the part after a clamp's vertex exerts on the part before it.
 
     The gradient of the vertex energy with respect to a turn of the later frame, 2 B^T M with B as in `vertices`, turned to the world.

@@ -42,7 +42,7 @@ def solve(
         gravity: [m/s^2].
         tolerance: [m] Error of the node positions asked for.
         budget: [s] The best answer within this time, in place of the tolerance; what it is then depends on the machine.
-        extrapolate: Whether positions may combine two meshes to fourth order; the frames are then still those of the finer one.
+        extrapolate: Whether positions may combine two meshes to fourth order, with the frames at the middles of segments.
             Without it the answer is one mesh's own, for a shape that the next one starts from.
         margin: Whether to find the stability margin too.
         path: `numpy_path`, or the compiled `kernels`.

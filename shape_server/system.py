@@ -92,7 +92,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
         length=cable.length,
         stiffest=matter.stiffest,
         weight=matter.weight,
-        force_scale=matter.weight + 10.0 * matter.stiffest / cable.length**2,
+        force_scale=force_scale(matter.weight, matter.stiffest, cable.length),
         shortest=shortest,
         kick=kick,
     )
@@ -135,15 +135,20 @@ def _matter(cable: Cable, given: tuple[bytes, bytes] | None, gravity: Vector, us
         if hasattr(effect, "limit"):
             limit = effect.limit(cable, mesh)
     elastic = elastic_of(law, bent, mesh.lengths, smoothing)._replace(limit=limit)
-    return Matter(elastic, loads, give, _stiffest(elastic, mesh), float(np.linalg.norm(loads.sum(axis=0))))
+    return Matter(elastic, loads, give, stiffest(elastic, mesh), float(np.linalg.norm(loads.sum(axis=0))))
 
 
-def _stiffest(elastic: Elastic, mesh: Mesh) -> float:
+def stiffest(elastic: Elastic, mesh: Mesh) -> float:
     """Largest stiffness [N m^2] against an arch, whose curvature runs as a half wave along the cable."""
     law = elastic.law[:, :2].copy()
     if len(elastic.smoothing):
         law += elastic.smoothing * mesh.lengths[:, None] * (math.pi / mesh.s[-1]) ** 2
     return float(law.max())
+
+
+def force_scale(weight: float, stiffest: float, length: float) -> float:
+    """Typical force [N]: the weight, and what bends the cable into an arch."""
+    return weight + 10.0 * stiffest / length**2
 
 
 def elastic_of(law: np.ndarray, bent: np.ndarray, lengths: np.ndarray, smoothing: np.ndarray) -> Elastic:
@@ -208,13 +213,13 @@ def _across(quaternion: np.ndarray) -> np.ndarray:
     return rows
 
 
-def grouped(problem: Problem, used: tuple[str, ...]) -> Any:
-    """The one-sided contacts of a problem by what they touch, the same for every mesh; None without any."""
+def grouped(problem: Problem, used: tuple[str, ...], reach: int = 1) -> Any:
+    """The one-sided contacts of a problem by what they touch, the same for every mesh; None without any; `reach` as in `Grouped`."""
     if "contact" not in used:
         return None
     assert problem.contacts is not None
     chosen = np.flatnonzero(problem.contacts.friction != FRICTION_CODES.index(Friction.BOND))
-    return effects.load("contact").grouped(problem.contacts, chosen)
+    return effects.load("contact").grouped(problem.contacts, chosen, reach)
 
 
 def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -> tuple[Touch, np.ndarray, np.ndarray]:

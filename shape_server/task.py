@@ -16,7 +16,7 @@ from protocol.scene import Vector
 from .descent import Progress
 from .equilibrium import Settled
 from .mesh import Mesh
-from .reading import Reading, read
+from .reading import Reading, read, read_mended
 from .system import System, build, grouped, micro_length
 
 
@@ -34,6 +34,7 @@ class Task:
     path: ModuleType
     progress: Progress
     begun: float = field(default_factory=time.perf_counter)
+    reach: int = 1  # segments to either side of a contact on which it may be found
 
     def system(self, mesh: Mesh) -> System:
         """The equations on a mesh."""
@@ -41,7 +42,7 @@ class Task:
 
     @cached_property
     def _touching(self) -> Any:
-        return grouped(self.problem, self.used)
+        return grouped(self.problem, self.used, self.reach)
 
     @property
     def touches(self) -> bool:
@@ -66,6 +67,11 @@ class Solution:
     def reading(self) -> Reading:
         """All that it says."""
         return read(self.task.problem, self.system, self.found, self.task.path)
+
+    @cached_property
+    def mended(self) -> Reading:
+        """All that it says once its half cells at clamps are mended, to be combined with another mesh."""
+        return read_mended(self.task.problem, self.system, self.found, self.task.path)
 
     @cached_property
     def sections(self) -> tuple[np.ndarray, np.ndarray]:

@@ -47,7 +47,7 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hang
         sentence = "a cable without bending is bonded to what it touches or slides without friction; give it 'bending' and 'twist' to rub"
         return nothing(problem, Outcome.UNSUPPORTED, sentence)
     held = _Held(_separate(problem, is_bond), [], [])
-    groups = grouped(contacts, np.flatnonzero(~is_bond))
+    groups = grouped(contacts, np.flatnonzero(~is_bond), 1)
     found = [slides_of(contacts, groups.chosen[own].tolist()) for own in groups.features]
     for slide in found:
         (held.sliding if (contacts.force[slide.rows] != 0.0).any() else held.open).append(slide)

@@ -28,10 +28,11 @@ class Grouped:
     faces: list[int]  # rows of `chosen`
     features: list[list[int]]  # rows of `chosen` that touch one line or point, the strongest first
     extent: np.ndarray  # (m, 2) m, that of edges on one line joined
+    reach: int  # segments to either side of where an edge or a vertex was found that get a row too
 
 
-def grouped(contacts: Contacts, chosen: np.ndarray) -> Grouped:
-    """Group the contacts whose indices are `chosen` (m,)."""
+def grouped(contacts: Contacts, chosen: np.ndarray, reach: int) -> Grouped:
+    """Group the contacts whose indices are `chosen` (m,); `reach` segments to either side get rows for an edge or a vertex."""
     push = np.maximum(np.einsum("ij,ij->i", contacts.force[chosen], contacts.normal[chosen]), 0.0)
     is_face = contacts.feature[chosen] == FACE
     extent = contacts.extent[chosen].copy()
@@ -39,13 +40,13 @@ def grouped(contacts: Contacts, chosen: np.ndarray) -> Grouped:
     features = _by_feature(contacts, chosen, others, push[others].tolist())
     for own in features:
         _join_extents(contacts, chosen[own], own, extent)
-    return Grouped(chosen, push, np.flatnonzero(is_face).tolist(), features, extent)
+    return Grouped(chosen, push, np.flatnonzero(is_face).tolist(), features, extent, reach)
 
 
 def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[Touch, np.ndarray, np.ndarray]:
     """Rows for the grouped contacts, with their forces [N] and places along their segments to start from.
 
-    An edge or a vertex gets a row on the segment where it was found and on both neighbours, unless another contact with the
+    An edge or a vertex gets a row on the segment where it was found and on its neighbours, unless another contact with the
     same feature is nearer there. The contact then passes from segment to segment without a jump.
     """
     chosen, push = groups.chosen, groups.push
@@ -55,7 +56,7 @@ def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[Touch, np.nda
     last = len(mesh.lengths) - 1
     for own in groups.features:
         taken = {found[k]: k for k in reversed(own)}
-        for j in {j + step for j in taken for step in (-1, 1)} - taken.keys():
+        for j in {j + step for j in taken for step in range(-groups.reach, groups.reach + 1)} - taken.keys():
             if 0 <= j <= last:
                 taken[j] = min(own, key=lambda k: abs(found[k] - j))
         source += [(k, j) for j, k in taken.items()]

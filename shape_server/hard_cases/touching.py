@@ -28,8 +28,8 @@ IMPOSSIBLE: Final = {
     "in the clamp": ((0.0, 0.0, 0.1), 0.0),
     "at the clamp": ((0.0, 0.0, 0.1), 0.02),
 }
-PASSED: Final = "the axis comes 1.9 mm too near to an edge, with an error estimate below that"
 REFUSED: Final = (12, 25)  # seeds
+PASSING: Final = (43, 66, 156, 170)  # seeds; the cable passes an edge a second time, 1 to 1.9 mm too near, and the answer says so
 
 
 def cases() -> Iterator[Case]:
@@ -45,8 +45,8 @@ def cases() -> Iterator[Case]:
         )
     for distance in (0.0, 1e-6, 1e-4):
         yield Case(f"knife edge of radius {distance:g} m", FAMILY, partial(_knife, distance))
-    for angle in (0.5, 0.2, 0.06, 0.01, 1e-3, 1e-6, 0.0):
-        yield Case(f"edge at {angle:g} rad to the cable", FAMILY, partial(_along, angle), may_decline=0.04 < angle < 0.5)
+    for angle in (0.5, 0.2, 0.06, 0.04, 0.01, 1e-3, 1e-6, 0.0):
+        yield Case(f"edge at {angle:g} rad to the cable", FAMILY, partial(_along, angle), may_decline=0.036 < angle < 0.044)
     for tilt in (0.3, 0.8, 1.2):
         yield Case(f"corner of two faces, tilted by {tilt:g} rad", FAMILY, partial(_corner, tilt))
         yield Case(f"corner of two edges, tilted by {tilt:g} rad", FAMILY, partial(_lip, tilt))
@@ -64,7 +64,8 @@ def cases() -> Iterator[Case]:
         yield Case(f"face that cannot be met, {name}", FAMILY, partial(_impossible, point, s), may_decline=True)
     for seed in (*range(20), 25):
         yield Case(f"random rows, seed {seed}", FAMILY, partial(_random_rows, seed), may_decline=seed in REFUSED)
-    yield Case("random rows, seed 66", FAMILY, partial(_random_rows, 66), known=PASSED)
+    for seed in PASSING:
+        yield Case(f"random rows, seed {seed}", FAMILY, partial(_random_rows, seed), may_decline=True)
 
 
 def _touched(path: ModuleType, *rows: Row, count: int = 100) -> tuple[Problem, Shape]:

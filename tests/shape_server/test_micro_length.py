@@ -117,3 +117,14 @@ def test_what_is_not_built_for_it_says_so() -> None:
     system = build(problem, GRAVITY)
     with pytest.raises(CablecosimError, match="micro_length"):
         port(system, system.start(np.tile(ALONG_X, (len(system.mesh.lengths), 1))), numpy_path)
+
+
+@pytest.mark.parametrize("times", [10.0, 100.0])
+def test_a_micro_length_of_many_lengths_finds_a_shape_or_is_refused_with_the_reason(times: float) -> None:
+    found = 0
+    for problem in random_spans(6, 1e-2, seed=3):
+        long = msgspec.structs.replace(problem, cable=replace(problem.cable, micro_length=times), model=Model.ROD)
+        shape = solve(long, GRAVITY, path=KERNELS)
+        found += shape.outcome is Outcome.CONVERGED
+        assert shape.outcome is Outcome.CONVERGED or f"micro_length is {times:g} times the length" in shape.sentence
+    assert found >= 2  # measured 4 and 2

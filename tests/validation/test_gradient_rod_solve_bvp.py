@@ -6,7 +6,7 @@ Struct. 40, 385-400 (energy and boundary terms); Kierzenka & Shampine 2001, ACM 
 
 Claim: clamped at both ends or hinged at one, in a plane and in space, round or not, naturally straight or not, with l from a fiftieth of
 the length to the length itself, the solver finds positions, frames, forces, moments, curvature and energy with second order, and states
-its error. Two meshes combine to fourth order in a plane; to third where twist varies beside a clamp, as for a flat rod without l.
+its error. Two meshes combine to fourth order in a plane; to about third where a flat rod twists beside a clamp.
 The reference keeps an integral and obeys Castigliano's theorem, neither of which it uses.
 solve_bvp is handed a rough guess made from the answer, which tells it the branch and nothing else.
 """
@@ -179,7 +179,7 @@ def test_two_meshes_combine_to_fourth_order_in_a_plane(name: str) -> None:
     if name.startswith("plane"):
         assert order == pytest.approx(4.0, abs=0.1)  # measured 3.92 (l = 0.02) to 4.00
     else:
-        assert 2.9 < order < 4.1  # measured 3.02 (flat) to 3.47 and 4.00 (round)
+        assert 2.6 < order < 4.1  # measured 2.75 and 3.18 (flat, with half the error of decision 0014) to 4.00 (round)
     assert fine < 3e-8  # m; measured 2e-9 to 2.4e-8
 
 
