@@ -7,6 +7,7 @@ what was written without its checkpoint is cut off and computed again, to the sa
 
 from __future__ import annotations
 
+import fcntl
 import os
 from array import array
 from pathlib import Path
@@ -104,5 +105,15 @@ class Journal:
             self._writer = None
 
     def _open(self, size: int | None) -> None:
-        self._writer = recording.Writer(self._folder / FRAMES, keep=size)
-        self._file = os.open(self._folder / FRAMES, os.O_RDONLY | os.O_CLOEXEC)
+        path = self._folder / FRAMES
+        if size is None:
+            self._writer = recording.Writer(path)
+        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RecordingError(
+                f"journal {self._folder}: another program writes it; give another folder", key=str(self._folder)
+            ) from error
+        if size is not None:
+            self._writer = recording.Writer(path, keep=size)
