@@ -51,6 +51,13 @@ def without_times(kept: Checkpoint) -> Checkpoint:
     return dataclasses.replace(kept, now=dataclasses.replace(kept.now, cables=cables, bill=NOTHING))
 
 
+def write(file: Path, kept: Checkpoint) -> None:
+    """Store a checkpoint without its times."""
+    writer = store.Writer(file)
+    writer.write(without_times(kept))
+    writer.close()
+
+
 @pytest.mark.parametrize(
     ("scene", "steps", "every"),
     [(str(SCENE), 60, 6), pytest.param("harness_assembly", 300, 10, marks=pytest.mark.slow)],
@@ -62,10 +69,10 @@ def test_a_loop_goes_on_from_a_checkpoint_to_the_last_bit(scene: str, steps: int
     loop = Loop(first, Asker(), "")  # type: ignore[arg-type]
     loop.first()
     files = [tmp_path / str(step) for step in range(steps + 1)]
-    store.write(files[0], without_times(checkpoint(loop, "", 0, 0)))
+    write(files[0], checkpoint(loop, "", 0, 0))
     for step in range(1, steps + 1):
         loop.advance(step)
-        store.write(files[step], without_times(checkpoint(loop, "", step, 0)))
+        write(files[step], checkpoint(loop, "", step, 0))
     for begin in range(0, steps - 2, every):
         kept = store.read(files[begin], Checkpoint)
         assert kept is not None
@@ -73,8 +80,11 @@ def test_a_loop_goes_on_from_a_checkpoint_to_the_last_bit(scene: str, steps: int
         resume(again, kept)
         for step in range(begin + 1, begin + 4):
             again.advance(step)
-            store.write(tmp_path / "again", without_times(checkpoint(again, "", step, 0)))
-            assert (tmp_path / "again").read_bytes() == files[step].read_bytes(), f"from {begin}, step {step}"
+            file = tmp_path / f"{step} again from {begin}"
+            write(file, checkpoint(again, "", step, 0))
+            assert file.with_name(f"{file.name}.1").read_bytes() == files[step].with_name(f"{step}.1").read_bytes(), (
+                f"from {begin}, step {step}"
+            )
     for stage in (first, second):
         stage.close()
 
@@ -90,7 +100,9 @@ def test_a_loop_remembers_everything_that_it_does_not_begin_anew() -> None:
     ids=lambda value: f"{value.dtype} {value.shape}",
 )
 def test_arrays_keep_every_bit_in_a_checkpoint(value: np.ndarray, tmp_path: Path) -> None:
-    store.write(tmp_path / "file", _Holder(value))
+    writer = store.Writer(tmp_path / "file")
+    writer.write(_Holder(value))
+    writer.close()
     read = store.read(tmp_path / "file", _Holder)
     assert read is not None
     assert (read.value.dtype, read.value.shape, read.value.tobytes()) == (value.dtype, value.shape, value.tobytes())
@@ -142,7 +154,9 @@ def test_a_journal_of_another_scene_or_another_program_is_refused(tmp_path: Path
     journal(tmp_path, 1, 1)
     with pytest.raises(RecordingError, match="is of another scene; give an empty folder"):
         Journal(tmp_path, "another")
-    (tmp_path / CHECKPOINT).write_bytes(b"\x93")
+    writer = store.Writer(tmp_path / CHECKPOINT)
+    writer.write(1)
+    writer.close()
     with pytest.raises(RecordingError, match="is none of this program"):
         Journal(tmp_path, "run")
 
@@ -156,3 +170,18 @@ def test_a_journal_that_is_being_written_is_refused_and_left_alone(tmp_path: Pat
         Journal(tmp_path, "run")
     assert (tmp_path / FRAMES).stat().st_size == size
     first.close()
+
+
+def test_the_checkpoint_before_is_there_whatever_part_of_the_last_was_written(tmp_path: Path) -> None:
+    writer = store.Writer(tmp_path / "file")
+    for number in range(3):
+        writer.write([number] * 50)
+    writer.close()
+    whole = (tmp_path / "file.1").read_bytes()
+    for size in range(0, len(whole), 7):
+        (tmp_path / "file.1").write_bytes(whole[:size] + b"\xff" * (len(whole) - size))
+        assert store.read(tmp_path / "file", list[int]) == [1] * 50
+    again = store.Writer(tmp_path / "file")
+    again.write([3])
+    again.close()
+    assert store.read(tmp_path / "file", list[int]) == [3]

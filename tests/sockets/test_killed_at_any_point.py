@@ -17,7 +17,7 @@ from scenarios.launch import Ended, launch
 SILENCE = 6.0  # s; a busy machine may hold a healthy program up for two
 ENVIRONMENT = (
     "ask before 3", "ask after 9", "hear before 4", "hear after 10", "robot after 6", "search after 12", "frame before 5", "frame after 5",
-    "checkpoint after 4", "rename before 5", "publish before 7", "publish after 7", "report after 6",
+    "checkpoint after 4", "store halfway 5", "publish before 7", "publish after 7", "report after 6",
 )  # fmt: skip
 SHAPE_SERVER = ("receive after 6", "answer before 4", "answer after 5", "reply before 3")
 RECORDER_AT_FIRST = ("record before 1", "record halfway 1", "record after 1")
