@@ -103,8 +103,8 @@ def test_a_program_that_fails_at_every_point_in_turn_costs_time_and_nothing_else
 ) -> None:
     notes = spoiled(tmp_path, {program: points}, number, monkeypatch)
     check(tmp_path, undisturbed, notes, len(points))
-    words = "was killed by signal 9 (SIGKILL)" if number == "SIGKILL" else ""
-    assert all(line.startswith(program) and words in line for line in notes.restarts)
+    words = f"{program} was killed by signal 9 (SIGKILL)" if number == "SIGKILL" else program
+    assert sum(line.startswith(words) for line in notes.restarts) >= len(points)
 
 
 def test_a_program_that_is_killed_again_and_again_ends_the_run_with_a_sentence_and_a_readable_recording(
