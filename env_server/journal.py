@@ -1,12 +1,13 @@
 """A run's own record, from which frames are sent again, and from which the run goes on after its program was killed.
 
-Two files in a folder: `frames.msgpack`, every message of the stream in order as a recording, and `checkpoint.msgpack`, what the
-last step left. A frame is written before its checkpoint, and both before the frame is published. So whatever was published is here;
+In a folder: `frames.msgpack`, every message of the stream in order as a recording, and `checkpoint.0` and `.1`, what the last
+two steps left. A frame is written before its checkpoint, and both before the frame is published. So whatever was published is here;
 what was written without its checkpoint is cut off and computed again, to the same bits but for the measured times.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 from array import array
 from pathlib import Path
@@ -18,7 +19,7 @@ from protocol.errors import RecordingError
 from .memory import Checkpoint
 
 FRAMES: Final = "frames.msgpack"
-CHECKPOINT: Final = "checkpoint.msgpack"
+CHECKPOINT: Final = "checkpoint"
 
 
 class Journal:
@@ -38,6 +39,7 @@ class Journal:
         self._folder = folder
         self._file = -1
         self._writer: recording.Writer | None = None
+        self._checkpoint: checkpoint.Writer | None = None
         self._is_broken = False  # an append has failed, so that nothing may follow it
         self._ends = array("Q")  # of every message after the snapshot, in bytes from the beginning
         self.kept: Checkpoint | None = checkpoint.read(folder / CHECKPOINT, Checkpoint)
@@ -87,7 +89,8 @@ class Journal:
         Raises:
             RecordingError: If the disk takes no more; the run cannot be resumed from here, and what is there stays readable.
         """
-        checkpoint.write(self._folder / CHECKPOINT, state)
+        if self._checkpoint is not None:
+            self._checkpoint.write(state)
 
     def message(self, sequence: int) -> bytes | None:
         """The bytes of a frame, or of the end of the run after the last one; None if it is not there yet."""
@@ -98,11 +101,23 @@ class Journal:
 
     def close(self) -> None:
         """Bring everything to the disk."""
-        if self._writer is not None:
+        if self._writer is not None and self._checkpoint is not None:
             self._writer.close()
+            self._checkpoint.close()
             os.close(self._file)
             self._writer = None
 
     def _open(self, size: int | None) -> None:
-        self._writer = recording.Writer(self._folder / FRAMES, keep=size)
-        self._file = os.open(self._folder / FRAMES, os.O_RDONLY | os.O_CLOEXEC)
+        path = self._folder / FRAMES
+        if size is None:
+            self._writer = recording.Writer(path)
+        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RecordingError(
+                f"journal {self._folder}: another program writes it; give another folder", key=str(self._folder)
+            ) from error
+        if size is not None:
+            self._writer = recording.Writer(path, keep=size)
+        self._checkpoint = checkpoint.Writer(self._folder / CHECKPOINT)

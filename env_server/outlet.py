@@ -23,9 +23,10 @@ class Outlet:
 
     def __init__(self, frames: str, live: str, session: str, folder: Path | None, keys: Keys | None) -> None:
         self._session = session
-        self.journal = Journal(folder, session) if folder is not None else None
         self._record = Publisher(frames, lossless=True, keys=keys)
         self._live = Publisher(live, lossless=False, keys=keys)
+        # Opened last: a second program at these addresses is refused before it could touch the journal of the first.
+        self.journal = Journal(folder, session) if folder is not None else None
 
     @property
     def addresses(self) -> dict[str, str]:

@@ -30,7 +30,7 @@ POINTS = {
     "reply": ("protocol.channel", "Server", "send_bytes"),
     "take": ("protocol.channel", "Subscriber", "receive"),
     "record": ("protocol.recording", "Writer", "write"),
-    "rename": ("os", "", "replace"),
+    "store": ("os", "", "pwrite"),
 }
 
 
@@ -52,7 +52,7 @@ def spoil(point: str, moment: str, count: int, number: str, done: Callable[[], N
         is_now = calls == count
         if is_now and moment == "halfway":  # of what is written
             done()
-            real(arguments[0], arguments[1][: len(arguments[1]) // 2])
+            real(arguments[0], arguments[1][: len(arguments[1]) // 2], *arguments[2:])
             fail(number)
         if is_now and moment == "before":
             done()

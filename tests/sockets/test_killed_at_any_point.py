@@ -17,7 +17,7 @@ from scenarios.launch import Ended, launch
 SILENCE = 6.0  # s; a busy machine may hold a healthy program up for two
 ENVIRONMENT = (
     "ask before 3", "ask after 9", "hear before 4", "hear after 10", "robot after 6", "search after 12", "frame before 5", "frame after 5",
-    "checkpoint after 4", "rename before 5", "publish before 7", "publish after 7", "report after 6",
+    "checkpoint after 4", "store halfway 5", "publish before 7", "publish after 7", "report after 6",
 )  # fmt: skip
 SHAPE_SERVER = ("receive after 6", "answer before 4", "answer after 5", "reply before 3")
 RECORDER_AT_FIRST = ("record before 1", "record halfway 1", "record after 1")
@@ -103,8 +103,8 @@ def test_a_program_that_fails_at_every_point_in_turn_costs_time_and_nothing_else
 ) -> None:
     notes = spoiled(tmp_path, {program: points}, number, monkeypatch)
     check(tmp_path, undisturbed, notes, len(points))
-    words = "was killed by signal 9 (SIGKILL)" if number == "SIGKILL" else ""
-    assert all(line.startswith(program) and words in line for line in notes.restarts)
+    words = f"{program} was killed by signal 9 (SIGKILL)" if number == "SIGKILL" else program
+    assert sum(line.startswith(words) for line in notes.restarts) >= len(points)
 
 
 def test_a_program_that_is_killed_again_and_again_ends_the_run_with_a_sentence_and_a_readable_recording(
