@@ -49,6 +49,7 @@ class Run:
         self._kernels = ""  # of the shape server, when it was greeted
         self._sequence = 0
         self._publishing = 0.0  # s that the last frame took; on the bill of the next
+        self._late = 0.0  # s of simulated time by which relaxations have held up the path
 
     @property
     def addresses(self) -> dict[str, str]:
@@ -132,7 +133,7 @@ class Run:
     def _step(self, stage: Stage, loop: Loop, first: Stepped, steps: int) -> str:
         """All time steps; returns why they ended early, or an empty sentence."""
         stepped, shapes = first, tuple(cable.shape for cable in first.cables)
-        sentence, was_stopped = "", False
+        sentence, was_stopped, before = "", False, first
         for step in range(steps + 1):
             wait = self._control.hold()
             if self._control.is_stopped:
@@ -147,6 +148,9 @@ class Run:
             if sentence:
                 sentence = f"step {step} of {steps}, move '{stage.path.move_at(stepped.posture.time)}': {sentence}"
             shapes = _shown(stepped, shapes)
+            if self._scene.relaxation is not None and step and not sentence:
+                self._relax(stage, before, stepped, step)
+            before = stepped
             self._publish(stage, stepped, shapes, step, wait)
             self._control.report(step, steps, "running", "running")
             if sentence:
@@ -155,7 +159,23 @@ class Run:
         self._send(encode(Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")))
         return "" if was_stopped else sentence
 
-    def _publish(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float) -> None:
+    def _relax(self, stage: Stage, before: Stepped, after: Stepped, step: int) -> None:
+        """Publish what is between two steps if a cable has snapped; the path goes on when it is at rest."""
+        from . import relaxation
+
+        assert self._scene.relaxation is not None
+        found = relaxation.between(stage, before, after, self._scene.relaxation)
+        if found is None:
+            return
+        begun, late = before.posture.time, self._late
+        for moment in found[1]:
+            self._late = late + begun + moment.time - moment.stepped.posture.time
+            shapes = tuple(cable.shape for cable in moment.stepped.cables)
+            self._publish(stage, moment.stepped, shapes, -1, 0.0, relaxing=moment.share)
+        self._late = late + max(0.0, found[0] - (after.posture.time - begun))
+        stage.put(after.posture)
+
+    def _publish(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float, *, relaxing: float = 0.0) -> None:
         begun = time.perf_counter()
         posture, scene = stepped.posture, self._scene
         key = stage.path.keys.index(step) if step in stage.path.keys else None
@@ -179,7 +199,7 @@ class Run:
         frame = Frame(
             session=self._session,
             sequence=self._sequence,
-            time=posture.time,
+            time=posture.time + self._late,
             move=stage.path.move_at(posture.time),
             picture=scene.pictures[key].name if key is not None else "",
             joints=posture.joints,
@@ -193,6 +213,7 @@ class Run:
             collisions=stepped.collisions,
             torque_ratio=torque_ratio,
             bill=bill,
+            relaxation=relaxing,
         )
         self._send(encode(frame))
         self._sequence += 1
