@@ -161,9 +161,9 @@ def test_an_unknown_field_of_a_cable_is_refused() -> None:
 
 OPTIONAL = {
     ("Hello", "project"), ("Welcome", "project"), ("Welcome", "nodes_max"), ("Welcome", "contacts_max"), ("Welcome", "kernels"),
-    ("Welcome", "scene_hash"), ("Frame", "relaxation"), ("Error", "key"), ("StartRun", "recorders"), ("ShapeRequest", "contacts"), ("ShapeRequest", "start"),
+    ("Welcome", "scene_hash"), ("Error", "key"), ("StartRun", "recorders"), ("ShapeRequest", "contacts"), ("ShapeRequest", "start"),
     ("ShapeRequest", "loads"), ("ShapeRequest", "model"), ("ShapeRequest", "turns"), ("ShapeRequest", "branch"),
-    ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
+    ("Frame", "relaxation"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
 
