@@ -35,6 +35,15 @@ class EdgeTable:
     vertex: np.ndarray  # (e, 2) int, vertex at the first and the last end
     leaving: np.ndarray  # (.,) int, edges by vertex
     first_leaving: np.ndarray  # (v+1,) row of every vertex in `leaving`
+    goes_on: np.ndarray  # (e, 2) bool, whether another edge leaves the vertex at the first and the last end
+
+    def may_go_on(self, body: np.ndarray, name: np.ndarray, is_vertex: np.ndarray) -> np.ndarray:
+        """Whether `beyond` may find an edge for contacts (m,); quick, for on a smooth surface it finds none."""
+        out = np.zeros(len(body), dtype=bool)
+        vertex = self.first_vertex[body[is_vertex]] + name[is_vertex]
+        out[is_vertex] = self.first_leaving[vertex + 1] > self.first_leaving[vertex]
+        out[~is_vertex] = self.goes_on[self.first_edge[body[~is_vertex]] + name[~is_vertex]].any(axis=1)
+        return out
 
     def beyond(self, body: int, name: int, is_vertex: bool, point: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         """Edges that a contact can slide on to, each with the vertex (3,) [m] where it begins.
@@ -71,11 +80,14 @@ def edge_table(features: Features) -> EdgeTable:
     of_number[number[:vertices][::-1]] = np.arange(vertices)[::-1]
     vertex = of_number[number[vertices:]]
     order = np.argsort(vertex, kind="stable")
-    order = order[np.tile(_is_sharp(features), 2)[order]]
+    is_sharp = _is_sharp(features)
+    order = order[np.tile(is_sharp, 2)[order]]
     first_leaving = np.searchsorted(vertex[order], np.arange(vertices + 1))
     margins = edge_margins(ends, vertex) if count else np.zeros((0, 2))
     firsts = (features.first_edge, features.first_vertex)
-    return EdgeTable(ends, margins, *firsts, vertex.reshape(2, count).T, order % max(count, 1), first_leaving)
+    vertex = vertex.reshape(2, count).T
+    goes_on = np.diff(first_leaving)[vertex] > is_sharp[:, None]
+    return EdgeTable(ends, margins, *firsts, vertex, order % max(count, 1), first_leaving, goes_on)
 
 
 def _is_sharp(features: Features) -> np.ndarray:

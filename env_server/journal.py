@@ -68,6 +68,11 @@ class Journal:
         """Bytes written so far."""
         return self._ends[-1] if self._ends else 0
 
+    @property
+    def frames(self) -> int:
+        """How many messages follow the snapshot."""
+        return max(len(self._ends) - 1, 0)
+
     def add(self, message: bytes) -> None:
         """Append a message; nothing is appended any more once that has failed.
 

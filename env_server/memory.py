@@ -12,7 +12,13 @@ from typing import Any, Final
 from .loop import Loop
 from .stepped import Stepped
 
-REMEMBERED: Final = {"_now": "now", "_collisions": "collisions", "_reach": "reach", "_reach_links": "reach_links"}
+REMEMBERED: Final = {
+    "_now": "now",
+    "_collisions": "collisions",
+    "_reach": "reach",
+    "_reach_links": "reach_links",
+    "_reach_own": "reach_own",
+}
 FORGOTTEN: Final = {"_stage", "_asker", "_session", "_meter", "_round"}  # given anew, or begun anew with every step
 
 
@@ -22,17 +28,19 @@ class Checkpoint:
 
     session: str
     step: int
+    late: float  # s, by which relaxations have held up the path
     size: int  # bytes of the journal up to the frame of this step
     now: Stepped
     collisions: tuple[tuple[str, str], ...]
     reach: float  # m
     reach_links: float  # m
+    reach_own: float  # m
 
 
-def checkpoint(loop: Loop, session: str, step: int, size: int) -> Checkpoint:
+def checkpoint(loop: Loop, session: str, step: int, late: float, size: int) -> Checkpoint:
     """What a loop has to remember."""
     remembered: dict[str, Any] = {field: getattr(loop, name) for name, field in REMEMBERED.items()}
-    return Checkpoint(session=session, step=step, size=size, **remembered)
+    return Checkpoint(session=session, step=step, late=late, size=size, **remembered)
 
 
 def resume(loop: Loop, kept: Checkpoint) -> None:

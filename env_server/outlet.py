@@ -52,15 +52,30 @@ class Outlet:
         if self.journal is not None:
             self.journal.begin(snapshot)
 
-    def step(self, frame: bytes, loop: Loop, step: int) -> None:
-        """Send the frame of a step from which the loop goes on.
+    @property
+    def frames(self) -> int:
+        """How many frames an earlier program has sent that are kept."""
+        return self.journal.frames if self.journal is not None else 0
+
+    def step(self, frame: bytes, loop: Loop, step: int, late: float) -> None:
+        """Send the frame of a step from which the loop goes on, `late` [s] behind the path.
 
         Raises:
             RecordingError: If the journal's disk is full; nothing is sent then.
         """
         if self.journal is not None:
             self.journal.add(frame)
-            self.journal.keep(checkpoint(loop, self._session, step, self.journal.size))
+            self.journal.keep(checkpoint(loop, self._session, step, late, self.journal.size))
+        self._send(frame)
+
+    def between(self, frame: bytes) -> None:
+        """Send a frame between two steps, from which nothing goes on.
+
+        Raises:
+            RecordingError: If the journal's disk is full; nothing is sent then.
+        """
+        if self.journal is not None:
+            self.journal.add(frame)
         self._send(frame)
 
     def last(self, message: bytes) -> None:

@@ -36,8 +36,9 @@ def find_round_hits(
         limit: [m].
 
     Returns:
-        Pairs, `point` on the line, `distance` to it; how near (b, n-1) [m] each segment is to each surface, at most the limit; and
-        for each body the distance (b,) [m] of the axis to the ends of a cylinder, infinite if they are out of reach.
+        Pairs, `point` on the line, `distance` to it; how far (b, n-1) [m] each segment may go without passing a body, at most the
+        limit: to the line, for inside a solid its side is still known, and to the surface of a cylinder; and for each body the
+        distance (b,) [m] of the axis to the ends of a cylinder, infinite if they are out of reach.
     """
     count = len(nodes) - 1
     clearance, ends = np.full((len(poses), count), limit), np.full(len(poses), np.inf)
@@ -45,7 +46,7 @@ def find_round_hits(
     for body in range(len(poses)):
         axes, centre = rotation(poses[body]), row(poses, body)
         if kinds[body] == PLANE:
-            found = _search_plane(nodes, body, centre, axes[2], limit, clearance[body], hits, found)
+            found = _search_plane(nodes, body, centre, axes[2], limit, hits, found)
             continue
         low, high = ahead(centre, axes[2], -halves[body]), ahead(centre, axes[2], halves[body])
         reach = limit + radii[body]
@@ -65,7 +66,7 @@ def find_round_hits(
             if distance >= reach:
                 continue
             if kind != TUBE:
-                clearance[body, segment] = min(limit, distance - radii[body])
+                clearance[body, segment] = min(limit, distance)
             found = _add_pairs((start, end), (low, high), segment, body, kind, reach, hits, found)
     return hits[:found], clearance, ends
 
@@ -119,17 +120,13 @@ def _is_known(hits: np.ndarray, found: int, body: int, segment: int, fraction: f
 
 
 @kernel
-def _search_plane(
-    nodes: np.ndarray, body: int, centre: Triple, normal: Triple, limit: float, clearance: np.ndarray, hits: np.ndarray, found: int
-) -> int:
-    """Every node within reach of a half-space, on either side of its face."""
+def _search_plane(nodes: np.ndarray, body: int, centre: Triple, normal: Triple, limit: float, hits: np.ndarray, found: int) -> int:
+    """Every node within reach of a half-space, or inside it. Nothing can pass it: it is known which side is which."""
     for node in range(len(nodes)):
         place = row(nodes, node)
         high = dot(minus(place, centre), normal)
-        for segment in range(max(node - 1, 0), min(node + 1, len(clearance))):
-            clearance[segment] = min(clearance[segment], high)
         if high < limit:
-            segment = min(node, len(clearance) - 1)
+            segment = min(node, len(nodes) - 2)
             _write(hits, found, segment, float(node - segment), body, FACE, ahead(place, normal, -high), normal)
             hits[found].distance, hits[found].is_crossing = high, False
             found += 1

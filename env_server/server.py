@@ -77,6 +77,7 @@ class Run:
         self._kernels = ""  # of the shape server, when it was greeted
         self._sequence = 0
         self._publishing = self._framed = 0.0  # s that the last frame took; on the bill of the next
+        self._late = 0.0  # s of simulated time by which relaxations have held up the path
 
     @property
     def addresses(self) -> dict[str, str]:
@@ -96,7 +97,7 @@ class Run:
             self._control.offer(snapshot)
             loop = Loop(stage, self._asker, self._session)
             kept = self._outlet.kept
-            first = self._first(loop) if kept is None else _continued(loop, kept)
+            first = self._first(loop) if kept is None else self._continued(loop, kept)
             self._control.report(0 if kept is None else kept.step, snapshot.steps, "ready", "ready")
             recorders = 0 if at_once else self._control.wait_for_start()
             if recorders is None:
@@ -138,6 +139,12 @@ class Run:
             raise CablecosimError(sentence)
         return first
 
+    def _continued(self, loop: Loop, kept: Checkpoint) -> Stepped:
+        """Where an earlier program was."""
+        resume(loop, kept)
+        self._late, self._sequence = kept.late, self._outlet.frames
+        return kept.now
+
     def _set_up(self) -> Stage:
         if not touch.is_compiled():
             self._control.say("compiling the contact search, once: about 20 s")
@@ -175,7 +182,7 @@ class Run:
     def _step(self, stage: Stage, loop: Loop, first: Stepped, begin: int, steps: int) -> str:
         """All time steps from `begin` on; returns why they ended early, or an empty sentence."""
         stepped, shapes = first, tuple(cable.shape for cable in first.cables)
-        sentence, was_stopped, step, self._sequence = "", False, begin, begin
+        sentence, was_stopped, step, before = "", False, begin, first
         for step in range(begin, steps + 1):
             wait = self._control.hold()
             if self._control.is_stopped:
@@ -190,14 +197,19 @@ class Run:
             if sentence:
                 sentence = f"step {step} of {steps}, move '{stage.path.move_at(stepped.posture.time)}': {sentence}"
             shapes = _shown(stepped, shapes)
-            frame = encode(self._frame(stage, stepped, shapes, step, wait))
             try:
-                self._outlet.step(frame, loop, step) if not sentence else self._outlet.last(frame)
+                if self._scene.relaxation is not None and step and not sentence:
+                    self._relax(stage, before, stepped, step)
+                frame = self._frame(stage, stepped, shapes, step, wait)
+                if sentence:
+                    self._outlet.last(encode(frame))
+                else:
+                    self._outlet.step(encode(frame), loop, step, self._late)
             except RecordingError as error:
                 sentence = f"step {step} of {steps}: {error}"
                 break
-            self._sequence += 1
-            self._publishing = time.perf_counter() - self._framed
+            self._has_sent()
+            before = stepped
             self._control.report(step, steps, "running", "running")
             if sentence:
                 break
@@ -206,7 +218,29 @@ class Run:
         self._outlet.last(encode(finished))
         return "" if was_stopped else sentence
 
-    def _frame(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float) -> Frame:
+    def _relax(self, stage: Stage, before: Stepped, after: Stepped, step: int) -> None:
+        """Publish what is between two steps if a cable has snapped; the path goes on when it is at rest."""
+        from . import relaxation
+
+        assert self._scene.relaxation is not None
+        found = relaxation.between(stage, before, after, self._scene.relaxation)
+        if found is None:
+            return
+        begun, late = before.posture.time, self._late
+        for moment in found[1]:
+            self._late = late + begun + moment.time - moment.stepped.posture.time
+            shapes = tuple(cable.shape for cable in moment.stepped.cables)
+            self._outlet.between(encode(self._frame(stage, moment.stepped, shapes, -1, 0.0, relaxing=moment.share)))
+            self._has_sent()
+        self._late = late + max(0.0, found[0] - (after.posture.time - begun))
+        stage.put(after.posture)
+
+    def _has_sent(self) -> None:
+        """Count a frame, and put what it took on the next bill."""
+        self._sequence += 1
+        self._publishing = time.perf_counter() - self._framed
+
+    def _frame(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float, *, relaxing: float = 0.0) -> Frame:
         begun = time.perf_counter()
         posture, scene = stepped.posture, self._scene
         key = stage.path.keys.index(step) if step in stage.path.keys else None
@@ -230,7 +264,7 @@ class Run:
         return Frame(
             session=self._session,
             sequence=self._sequence,
-            time=posture.time,
+            time=posture.time + self._late,
             move=stage.path.move_at(posture.time),
             picture=scene.pictures[key].name if key is not None else "",
             joints=posture.joints,
@@ -244,6 +278,7 @@ class Run:
             collisions=stepped.collisions,
             torque_ratio=torque_ratio,
             bill=bill,
+            relaxation=relaxing,
         )
 
     def _trouble(self, stepped: Stepped) -> str:
@@ -252,11 +287,6 @@ class Run:
             if hanging.shape.outcome is not Outcome.CONVERGED:
                 return f"cable '{cable.name}' is {hanging.shape.outcome.value}: {hanging.shape.sentence}"
         return ""
-
-
-def _continued(loop: Loop, kept: Checkpoint) -> Stepped:
-    resume(loop, kept)
-    return kept.now
 
 
 def _shown(stepped: Stepped, last: tuple[Shape, ...]) -> tuple[Shape, ...]:

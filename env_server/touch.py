@@ -129,6 +129,7 @@ class Touch:
         Such an edge leaves the vertex that is touched, or an end of the edge that is touched within `edges.SLIDE` of the place.
         """
         near = hits[(hits["feature"] != FACE) & (hits["is_crossing"] == 0) & (hits["distance"] < close)]
+        near = near[self._edges.may_go_on(near["body"], near["feature_id"], near["feature"] == VERTEX)]
         if not len(near):
             return hits
         found = hits[hits["feature"] == EDGE]

@@ -245,9 +245,12 @@ class Frame(Message, frozen=True):
     collisions: tuple[tuple[str, str], ...]  # pairs of links or bodies of the robot and scene that touch
     torque_ratio: float  # largest static joint torque over its limit; 0 without a robot
     bill: Bill
+    relaxation: float = 0.0  # share of the time from one equilibrium to the next that has passed; 0 for an equilibrium
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
+        if not 0.0 <= self.relaxation < 1.0:
+            raise MessageError(f"relaxation: {self.relaxation!r} must be 0 or more, and below 1", key="relaxation")
         check_floats("joints", self.joints, (len(self.joints),), EXTENT_MAX)
         check_floats("poses", self.poses, (len(self.poses), 7), EXTENT_MAX)
         check_quaternions("poses", np.ascontiguousarray(self.poses[:, 3:]), len(self.poses))

@@ -131,6 +131,15 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Relaxation:
+    """What is shown when a cable snaps from one equilibrium to another: a smooth motion, which takes time."""
+
+    __pydantic_config__: ClassVar = STRICT
+    time: Annotated[Positive, Le(1e3), Unit("s")] | None = None  # estimated as that of a pendulum in air unless given
+    overshoot: Annotated[float, Ge(0), Le(0.9)] = 0.0  # of the way; with it the cable swings to rest
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything a run depends on, physics only."""
 
@@ -145,6 +154,7 @@ class Scene:
     gravity: Annotated[Vector, Unit("m/s^2")] = (0.0, 0.0, -9.81)
     time_step: Annotated[Positive, Le(10), Unit("s")] = 0.02
     tolerance: Annotated[Positive, Unit("m")] = 1e-3  # asked of every predicted shape
+    relaxation: Relaxation | None = None  # the next shape is shown at once without it
 
 
 def check_scene(scene: Scene) -> None:

@@ -42,13 +42,14 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
     """
     tally = _Tally()
     for frame in run.frames:
-        tally.add(frame, run.snapshot.scene.tolerance)
+        if not frame.relaxation:  # what is shown on the way from one equilibrium to the next was not solved
+            tally.add(frame, run.snapshot.scene.tolerance)
     finished = run.finished
     return {
         "scene": run.snapshot.scene.title,
         "complete": finished is not None and not finished.failed,
         "sentence": finished.sentence if finished is not None else "the recording breaks off before the end of the run",
-        "steps": max(0, len(run.frames) - 1),
+        "steps": max(0, tally.frames - 1),
         "steps_planned": run.snapshot.steps,
         "wall_s": wall,
         **tally.values(),
@@ -108,9 +109,11 @@ class _Tally:
         self._most: dict[str, float] = {}
         self._paths: Counter[str] = Counter()
         self._contacts = self._rounds = self._collisions = self._above = 0
+        self.frames = 0
 
     def add(self, frame: Frame, tolerance: float) -> None:
         """Count a frame in; `tolerance` [m] is what its shapes were asked for."""
+        self.frames += 1
         self._above += any(shape.error is None or shape.error > tolerance for shape in frame.shapes)
         if frame.sequence > 0:
             self._bills.append(tuple(getattr(frame.bill, part) for part in BILL))

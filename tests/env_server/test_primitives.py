@@ -49,6 +49,12 @@ def distance_to(body: Body, points: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return np.hypot(beside, np.maximum(over, 0.0)) - radius
 
 
+def is_beside(body: Body, pose: np.ndarray, ends: np.ndarray) -> bool:
+    """Whether a segment is all beside the length of a body, where Bullet's rounded rim of a cylinder does not matter."""
+    high = np.abs(Rotation.from_quat(pose[3:]).inv().apply(ends - pose[:3])[:, 2])
+    return body.shape is not Primitive.CYLINDER or bool((high < 0.5 * (body.length or 0.0) - 0.005).all())
+
+
 def random_case(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """A cable (13, 3) of segments of 8 mm, and a pose (1, 7) near it."""
     steps_of = random.normal(size=(12, 3)) * 0.5 + [1.0, 0.2, 0.0]
@@ -71,7 +77,9 @@ def test_the_nearest_place_of_every_segment_is_found_as_by_brute_force(body: Bod
             assert truth.min() < RADIUS + 1e-6
             continue
         outside = truth > 0.0
-        clearance = np.minimum(truth, RADIUS + REACH)
+        # What may be gone without passing it: to the middle of a solid, and any way where there is but one side.
+        beyond = {Primitive.PLANE: np.inf, Primitive.CYLINDER: 0.0}.get(body.shape or Primitive.POINT, body.radius or 0.0)
+        clearance = np.minimum(truth + beyond, RADIUS + REACH)
         # Measured 1.7e-9: the samples are 2e-6 m apart, and miss a point by their distance squared over twice its own.
         assert np.abs(found.clearance - clearance)[outside].max(initial=0.0) < 1e-8
         place = found.segment + found.fraction
@@ -147,13 +155,13 @@ def test_gaps_are_those_of_pybullet(body: Body) -> None:
                 gap = min((point[8] for point in points), default=np.inf)
                 place = found.segment + found.fraction
                 mine = (place >= segment) & (place <= segment + 1)
-                if 1e-3 < gap < REACH - 1e-3 and mine.any() and found.gap[mine].min() < found.clearance[segment] - RADIUS + 1e-9:
+                if 1e-3 < gap < REACH - 1e-3 and mine.any() and is_beside(body, pose[0], nodes[segment : segment + 2]):
                     # Measured: sphere and capsule 4e-8, cylinder 3.3e-5.
-                    assert found.clearance[segment] - RADIUS == pytest.approx(gap, abs=1e-4)
+                    assert found.gap[mine].min() == pytest.approx(gap, abs=1e-4)
                     checked += 1
     finally:
         pybullet.disconnect(physicsClientId=client)
-    assert checked > 20
+    assert checked > 10
 
 
 @pytest.mark.parametrize("body", [body for body in BODIES if body.radius], ids=lambda body: body.name)

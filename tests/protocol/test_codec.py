@@ -164,7 +164,7 @@ OPTIONAL = {
     ("Welcome", "scene_hash"), ("Error", "key"), ("StartRun", "recorders"), ("Statistics", "silent"),
     ("ShapeRequest", "contacts"), ("ShapeRequest", "start"),
     ("ShapeRequest", "loads"), ("ShapeRequest", "model"), ("ShapeRequest", "turns"), ("ShapeRequest", "branch"),
-    ("ShapeRequest", "coefficient"), ("ShapeRequest", "speed"), ("ShapeRequest", "table"),
+    ("ShapeRequest", "coefficient"), ("ShapeRequest", "speed"), ("ShapeRequest", "table"), ("Frame", "relaxation"),
     ("ShapeRequest", "self_contacts"), ("ShapeRequest", "inclination"), ("ShapeReply", "self_reactions"), ("Frame", "self_reactions"),
     ("ShapeReply", "rubbed"), ("Frame", "rubbed"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
 }  # fmt: skip
