@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rubbing_scenes import RADIUS, InProcess, Motion, floor, stepping
+from rubbing_scenes import RADIUS, Motion, floor, stepping
 from scipy.spatial.transform import Rotation
 
-from env_server.loop import Loop
-from env_server.stage import Stage
 from env_server.stepped import Stepped
 from protocol.kinds import Friction, Hold, Outcome
 from protocol.messages import Shape
 from protocol.scene import Body, Cable, Gripper, Move, Scene, Target, Vector
-from scenarios import load
 from shape_server.hard_cases.posing import ALONG_X, straight
 
 WEIGHT = 0.981  # N, of the cable
@@ -27,7 +24,7 @@ LAWS: dict[Friction, dict[str, Any]] = {
     Friction.REGULARIZED: {"friction_coefficient": 0.5, "friction_speed": 0.01},
     Friction.DEFINED: {"friction_table": ((0.0, 0.6), (0.01, 0.25), (1.0, 0.25))},
 }
-STEPS = 20
+STEPS = 8
 
 
 def on_the_floor(folder: Path, kind: Friction, *moves: Vector, seconds: float = 1.0, bending: float = 1e-3, **law: Any) -> Scene:
@@ -46,7 +43,7 @@ def on_the_floor(folder: Path, kind: Friction, *moves: Vector, seconds: float = 
 
 def run(scene: Scene, motion: Motion | None = None) -> list[Stepped]:
     """All steps, from lying at rest."""
-    with stepping(scene, straight(ALONG_X, 24, np.zeros((1, 3))), motion) as loop:
+    with stepping(scene, straight(ALONG_X, 16, np.zeros((1, 3))), motion) as loop:
         steps: list[Stepped] = []
         for step in range(1, STEPS * len(scene.moves) + 1):
             steps.append(loop.advance(step))
@@ -100,8 +97,9 @@ def test_a_table_has_more_friction_at_rest_than_sliding(tmp_path: Path) -> None:
     slow = shapes(run(on_the_floor(tmp_path, Friction.DEFINED, (2e-6, 0.0, 0.0))))
     fast = shapes(run(on_the_floor(tmp_path, Friction.DEFINED, (0.05, 0.0, 0.0))))
     pulls = np.array([shape.grasp_wrenches[0, 0] for shape in slow])
-    assert pulls.max() == pytest.approx(0.6 * WEIGHT, rel=0.03)
-    assert fast[STEPS // 2].grasp_wrenches[0, 0] == pytest.approx(0.25 * WEIGHT, rel=0.03)
+    rubs = WEIGHT * 31 / 32  # N; the gripper bears half a segment
+    assert pulls.max() == pytest.approx(0.6 * rubs, rel=1e-3)
+    assert fast[STEPS // 2].grasp_wrenches[0, 0] == pytest.approx(0.25 * rubs, rel=1e-3)
 
 
 def test_what_happens_to_a_cable_that_is_drawn_from_the_ground_depends_on_the_friction(tmp_path: Path) -> None:
@@ -128,7 +126,7 @@ def test_a_body_that_moves_and_turns_carries_the_cable_along_by_friction(tmp_pat
     at_rest = np.column_stack([last.s, np.zeros(len(last.s)), np.full(len(last.s), RADIUS)])
     np.testing.assert_allclose(there, at_rest, atol=2e-7)  # m; measured 1e-7, the give of the contact
     assert last.rubbed is not None
-    assert last.rubbed.is_sticking.all()
+    assert last.rubbed.is_sticking[:-1].all()  # the gripper bears the last node
 
 
 def test_a_table_that_turns_about_the_gripper_takes_the_cable_round(tmp_path: Path) -> None:
@@ -142,7 +140,8 @@ def test_a_table_that_turns_about_the_gripper_takes_the_cable_round(tmp_path: Pa
 def test_a_floor_that_slides_away_below_a_held_cable_drags_it_with_all_its_friction(tmp_path: Path) -> None:
     motion: Motion = lambda time: (0.0, np.array([-0.05 * time, 0.0, 0.0]), False)  # noqa: E731
     last = shapes(run(on_the_floor(tmp_path, Friction.SIGNUM, (0.0, 0.0, 0.0)), motion))[-1]
-    assert last.grasp_wrenches[0, 0] == pytest.approx(0.5 * WEIGHT, rel=0.02)
+    borne = WEIGHT / 32  # N, of the last node, by the gripper
+    assert last.grasp_wrenches[0, 0] == pytest.approx(0.5 * (WEIGHT - borne), rel=1e-5)
     np.testing.assert_allclose(last.nodes[:, 0], last.s, atol=1e-7)
 
 
@@ -165,75 +164,3 @@ def test_a_closed_path_of_the_gripper_gains_nothing_without_friction_and_costs_w
     assert abs(costs[Friction.NONE]) < 2e-4  # J
     assert costs[Friction.SIGNUM] > 1e-3
     assert costs[Friction.REGULARIZED] > 1e-3
-
-
-SCENE = """
-title = "a sagging cable drawn over a plate"
-tolerance = "5 mm"
-time_step = "50 ms"
-
-[[cables]]
-name = "wire"
-length = 1.0
-diameter = "9 mm"
-mass_per_length = "100 g/m"
-bending = "1e-3 N m^2"
-twist = "1e-3 N m^2"
-
-[[bodies]]
-name = "plate"
-mesh = "floor.ply"
-friction = "FRICTION"
-
-[[grippers]]
-name = "left"
-cable = "wire"
-at = 0
-position = [0.0, 0.0, 0.2]
-tangent = [1, 0, -1]
-approach = [-1, 0, -1]
-hold = "hinge"
-
-[[grippers]]
-name = "right"
-cable = "wire"
-at = 1.0
-position = [0.7, 0.0, 0.2]
-tangent = [1, 0, 1]
-approach = [1, 0, -1]
-hold = "hinge"
-
-[[moves]]
-name = "along"
-duration = 1.0
-targets = [{gripper = "left", by = [0.2, 0, 0]}, {gripper = "right", by = [0.2, 0, 0]}]
-"""
-
-
-@pytest.mark.parametrize(
-    ("friction", "dragging"),
-    [
-        ("none", False),
-        ('signum"\nfriction_coefficient = 0.4\n#"', True),
-        ('regularized"\nfriction_coefficient = 0.4\nfriction_speed = "1 mm/s"\n#"', True),
-        ('defined"\nfriction_table = [[0, 0.5], [0.01, 0.4]]\n#"', True),
-    ],
-    ids=["none", "signum", "regularized", "defined"],
-)
-def test_a_scene_file_with_friction_runs_from_its_first_shape_on(tmp_path: Path, friction: str, *, dragging: bool) -> None:
-    floor(tmp_path)
-    file = tmp_path / "scene.toml"
-    file.write_text(SCENE.replace("FRICTION", friction), encoding="utf-8")
-    stage = Stage(load(file), lambda _: None)
-    try:
-        asker: Any = InProcess()
-        loop = Loop(stage, asker, "session")
-        assert loop.first().cables[0].shape.outcome is Outcome.CONVERGED
-        for step in range(1, 12):
-            shape = loop.advance(step).cables[0].shape
-            assert shape.outcome is Outcome.CONVERGED, shape.sentence
-    finally:
-        stage.close()
-    force = shape.contact_forces.sum(axis=0)
-    assert force[2] > 0.1 * WEIGHT
-    assert -force[0] / force[2] == pytest.approx(0.4 if dragging else 0.0, abs=0.01)

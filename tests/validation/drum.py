@@ -67,7 +67,7 @@ class Drum:
 
 
 def begun(kind: Friction, law: FrictionLaw) -> Drum:
-    """The cable laid over the cylinder, from lying there with nothing known of its forces."""
+    """The cable laid over the cylinder; its first shape is found without friction, as in a run."""
     s = np.linspace(0.0, LENGTH, SEGMENTS + 1)
     angle = np.clip((0.5 * (s[1:] + s[:-1]) - LEG) / RADIUS, 0.0, np.pi)
     tangents = np.column_stack([np.sin(angle), np.zeros(SEGMENTS), np.cos(angle)])
@@ -84,7 +84,7 @@ def begun(kind: Friction, law: FrictionLaw) -> Drum:
     )
     laws = Laws(np.array([FRICTION_CODES.index(kind)]), np.zeros(1, dtype=np.int64), (law,))
     boundary = Boundary(radius=RADIUS, length=LENGTH, bonding=np.zeros(1, dtype=bool), laws=laws)
-    return Drum(laid, boundary.anchored(None, laid, POSE, 0.0), 0.0).moved(0.0)
+    return Drum(laid, boundary, 0.0).moved(0.0)
 
 
 def settled(drum: Drum, lower: float, steps: int, **changes: float) -> Drum:
