@@ -165,6 +165,10 @@ class Boundary:
                 return False
         return True
 
+    def accepted(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
+        """With what a step leaves that has settled: bonds, and where the cable is held."""
+        return self.anchored(contacts, shape, poses, time).bonded(poses, float(np.diff(shape.s).max()))
+
     def anchored(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
         """With the cable held where it now rubs, once a step has settled; as it is where no body rubs."""
         return self if self.laws is None else replace(self, anchors=anchors.anchored(contacts, shape, poses, time))

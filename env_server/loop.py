@@ -203,12 +203,7 @@ class Loop:
             anchor, done_at = done.cables, goal
         if done.is_settled:
             done.cables = tuple(
-                replace(
-                    cable,
-                    boundary=cable.boundary.anchored(contact, cable.shape, goal.surfaces, goal.time).bonded(
-                        goal.surfaces, float(np.diff(cable.shape.s).max())
-                    ),
-                )
+                replace(cable, boundary=cable.boundary.accepted(contact, cable.shape, goal.surfaces, goal.time))
                 for cable, contact in zip(done.cables, contacts, strict=True)
             )
         return done

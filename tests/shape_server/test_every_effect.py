@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import shape_server
 from protocol.kinds import Feature, Friction
-from protocol.messages import PointLoads, Problem, SelfContacts, Start
+from protocol.messages import FrictionLaw, PointLoads, Problem, Rubbing, SelfContacts, Start
 from protocol.scene import LumpedMass, Vector
 from shape_server import effects, numpy_path, solve
 from shape_server.rod import State
@@ -34,6 +34,14 @@ FOLDER = Path(shape_server.__file__).parent / "effects"
 ROD = Problem(cable=cable(mass=0.0), grasps=span())
 FEATURE = Row(s=0.47, point=(0.28, 0.0, -0.2), direction=(0.0, 1.0, 0.0), feature=Feature.EDGE)
 LOADS = PointLoads(s=np.array([0.25, 0.47]), force=np.array([[0.1, -0.2, -0.3], [0.0, 0.1, 0.2]]))
+RUBBING = Rubbing(
+    contact=np.array([0]),
+    law=np.array([0]),
+    s=np.array([FEATURE.s]),
+    anchor=np.array([[0.28, 0.01, -0.195]]),
+    laws=(FrictionLaw(coefficient=0.3),),
+    time_step=0.1,
+)
 
 
 def arch() -> Start:
@@ -65,6 +73,10 @@ POSTURES: dict[str, tuple[Problem, Vector]] = {
     "bend_radius": (replace_part(ROD, cable=replace(cable(mass=0.0), bend_radius=0.4)), WEIGHTLESS),
     "stretch": (replace_part(ROD, cable=replace(cable(mass=0.0), stretch=20.0)), WEIGHTLESS),
     "contact": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(FEATURE)), WEIGHTLESS),
+    "friction": (
+        Problem(cable=cable(mass=0.0), grasps=span(), contacts=replace_part(contacts(FEATURE), friction=np.array([3]), rubbing=RUBBING)),
+        WEIGHTLESS,
+    ),
     "bond": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(replace(FEATURE, friction=Friction.BOND))), WEIGHTLESS),
     "inclination": (
         Problem(
@@ -134,6 +146,7 @@ def moved(problem: Problem, gravity: Vector, turn: Rotation, shift: np.ndarray) 
             point=turn.apply(touched.point) + shift,
             normal=turn.apply(touched.normal),
             direction=turn.apply(touched.direction),
+            rubbing=touched.rubbing and replace_part(touched.rubbing, anchor=turn.apply(touched.rubbing.anchor) + shift),
         )
     g = turn.apply(gravity)
     loads, start, own = problem.loads, problem.start, problem.self_contacts
@@ -327,11 +340,12 @@ def test_leaving_an_effect_out_leaves_out_its_unknowns(name: str) -> None:
         "inclination": rod.held.inclined > 0,
         "self_contact": len(rod.strands.distance) > 0,
         "contact": len(rod.touch.contact) > 0,
+        "friction": len(rod.rub.contact) > 0,
         "bond": len(rod.held.element) > len(bare.held.element),
     }
     assert added[name]
     assert len(bare.touch.contact) == len(bare.give) == len(bare.elastic.smoothing) == len(bare.elastic.limit) == 0
-    assert len(bare.strands.distance) == bare.held.inclined == 0
+    assert len(bare.strands.distance) == bare.held.inclined == len(bare.rub.contact) == 0
     assert not bare.loads.any()
     assert not bare.elastic.bent.any()
     assert len(bare.held.element) == 3
