@@ -247,9 +247,7 @@ class Loop:
         self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
         return reply.shapes
 
-    def _search(
-        self, index: int, shape: Shape, goal: Posture, previous: Hanging | None
-    ) -> tuple[Candidates, Candidates, Meeting | None]:
+    def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> tuple[Candidates, Candidates, Meeting | None]:
         """Places within reach on the bodies, on the robot's links, and on the cable itself."""
         cable, count = self._stage.scene.cables[index], self._stage.body_count
         radius = 0.5 * cable.diameter

@@ -70,7 +70,14 @@ def _is_plain(problem: Problem) -> bool:
     """Whether the cable is held at its two ends and touches and carries nothing."""
     grasps, cable = problem.grasps, problem.cable
     at_ends = len(grasps.s) == 2 and grasps.s[0] == 0.0 and grasps.s[1] == cable.length
-    return at_ends and problem.contacts is None and problem.self_contacts is None and problem.loads is None and not cable.sections and not cable.masses
+    return (
+        at_ends
+        and problem.contacts is None
+        and problem.self_contacts is None
+        and problem.loads is None
+        and not cable.sections
+        and not cable.masses
+    )
 
 
 def _layer(problem: Problem, grasp_forces: np.ndarray) -> float:

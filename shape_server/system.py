@@ -14,9 +14,9 @@ from protocol.messages import PointLoads, Problem
 from protocol.scene import Cable, Vector
 
 from . import effects
+from .contact_geometry import STRAND
 from .mesh import Mesh
 from .numpy_path import directors
-from .contact_geometry import STRAND
 from .rod import Elastic, Held, Rod, State, Touch
 from .strands import Strands
 
@@ -228,7 +228,9 @@ def _with_strands(
     assert problem.self_contacts is not None
     strands, own_push, places = effects.load("self_contact").rows(problem.self_contacts, len(push), mesh)
     more = len(own_push)
-    columns = {name: np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]) for name, column in touch._asdict().items()}
+    columns = {
+        name: np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]) for name, column in touch._asdict().items()
+    }
     columns["contact"][len(push) :], columns["feature"][len(push) :] = -1 - np.arange(more), STRAND
     return Touch(**columns), strands, np.append(push, own_push), np.concatenate([fraction, np.zeros(more), places])
 

@@ -2,9 +2,9 @@
 
 "Simulating robotic manipulation of cabling and interaction with surroundings": a cable of 3.3 mm is folded and drawn through a clip; it
 resists, and keeps a loop 5.7 mm across. Here two clamps hold the strands side by side, and the loop between them is made ever shorter.
-References: a loop bent nowhere tighter than a radius r, between two parallel strands 2 c apart, is at least 2 r wide and r (pi + 4 alpha) long
-with cos alpha = (c + r) / 2 r, three arcs of that radius (Dubins 1957); and scipy's SLSQP on the angles of a plane chain with a bound on each.
-"""
+References: a loop bent nowhere tighter than a radius r, between two parallel strands 2 c apart, is at least 2 r wide and r (pi + 4 alpha)
+long with cos alpha = (c + r) / 2 r, three arcs of that radius (Dubins 1957); and scipy's SLSQP on the angles of a plane chain with a bound
+on each."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_loop_that_is_drawn_tight_stays_5_7_mm_across() -> None:
         assert width(shape) > 2 * RADIUS * (1 - 1e-3)  # measured 5.842, 5.715 mm; at 18.5 mm of cable 5.698
         assert shape.curvature.max() * RADIUS < 1.001  # measured 1.0001
     assert width(loop(0.0195, RADIUS)) < 2 * RADIUS * 1.005
-    assert SHORTEST == pytest.approx(16.5e-3, abs=0.05e-3)
+    assert pytest.approx(16.5e-3, abs=0.05e-3) == SHORTEST
 
 
 def test_without_a_least_radius_it_folds_tighter() -> None:
