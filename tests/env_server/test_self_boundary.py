@@ -125,7 +125,9 @@ def test_a_push_is_handed_on_to_the_row_that_is_nearest() -> None:
     steps, _ = play(SelfInteraction.CONTACT)
     cable = steps[-1].cables[0]
     assert cable.own is not None
-    again = meet(cable.shape, DIAMETER / 2, 0.05).contacts(cable.shape.s)
+    near = meet(wound(SelfInteraction.CONTACT).cables[0], cable.shape, 0.05)
+    assert near is not None
+    again = near.contacts(cable.shape.s)
     assert isinstance(again, SelfContacts)
     np.testing.assert_allclose(
         np.linalg.norm(again.force, axis=1).sum(), np.linalg.norm(cable.own.reactions.force, axis=1).sum(), rtol=1e-9

@@ -4,7 +4,8 @@
 resists, and keeps a loop 5.7 mm across. Here two clamps hold the strands side by side, and the loop between them is made ever shorter.
 References: a loop bent nowhere tighter than a radius r, between two parallel strands 2 c apart, is at least 2 r wide and r (pi + 4 alpha)
 long with cos alpha = (c + r) / 2 r, three arcs of that radius (Dubins 1957); and scipy's SLSQP on the angles of a plane chain with a bound
-on each."""
+on each.
+"""
 
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 Both ends are clamped with their tangents towards each other, so that the two strands meet, press and turn down into a bulb. In the plane
 each half obeys EI theta' = m, m' = F sin theta from the clamp to the contact and m' = (F + P) sin theta beyond it, where the strands are
 side by side, theta = -pi / 2 and x half a diameter from the line of symmetry; unknown are F, the push P and the place a of the contact. A
-section a hundred times as stiff across keeps the rod in its plane."""
+section a hundred times as stiff across keeps the rod in its plane.
+"""
 
 from __future__ import annotations
 
