@@ -1,4 +1,4 @@
-"""Self-contact: two places of one cable push each other apart, or do not touch; without friction.
+"""Self_contact: two places of one cable push each other apart, or do not touch; without friction.
 
 gap >= 0, force >= 0, gap * force = 0 with gap = |r(s1) - r(s2)| - distance (twice the radius), the force along the line between the two
 places and opposite at both, so that it moves the cable as a whole neither this way nor that, nor turns it. `strands` has the geometry: one

@@ -164,6 +164,7 @@ OPTIONAL = {
     ("Welcome", "scene_hash"), ("Error", "key"), ("StartRun", "recorders"), ("ShapeRequest", "contacts"), ("ShapeRequest", "start"),
     ("ShapeRequest", "loads"), ("ShapeRequest", "model"), ("ShapeRequest", "turns"), ("ShapeRequest", "branch"),
     ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
+    ("ShapeRequest", "inclination"), ("ShapeRequest", "self_contacts"), ("ShapeReply", "self_reactions"), ("Frame", "self_reactions"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
 
