@@ -16,6 +16,8 @@ from .remesh import blended
 from .self_boundary import Meeting
 from .touch import Candidates
 
+Near = tuple[Candidates, Candidates, Meeting | None]  # bodies, links, and itself
+
 
 @dataclass(frozen=True)
 class Hanging:
@@ -38,6 +40,14 @@ def start_of(was: Hanging | None) -> Start | None:
 def meetings(was: Hanging | None) -> SelfContacts | None:
     """Where a cable may touch itself next; None if nowhere."""
     return None if was is None or was.own is None else was.own.contacts(was.shape.s)
+
+
+def least_share(was: Hanging, now: Shape, least: float) -> float:
+    """Share of the way to a shape that is taken in any case, though a body may be in between; but not through the cable itself."""
+    if was.own is None:
+        return least
+    node = np.linalg.norm(now.nodes - was.shape.nodes, axis=1)
+    return min(least, max(0.8 * was.own.free_share(np.maximum(node[1:], node[:-1])), 0.0))
 
 
 def joined(cable: Hanging, body_count: int, reach: float) -> Candidates:

@@ -16,14 +16,14 @@ from typing import Final
 
 import numpy as np
 
-from protocol.kinds import Outcome, SelfInteraction
+from protocol.kinds import Outcome
 from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest
 
 from . import remesh
 from .asking import Asker
 from .boundary import Boundary
-from .hanging import Hanging, joined, meetings, nowhere, part_way, start_of, unsettled
-from .self_boundary import Meeting, meet
+from .hanging import Hanging, Near, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
+from .self_boundary import meet
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
 from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion
@@ -188,8 +188,7 @@ class Loop:
                 boundary = (was.boundary if was is not None else self._fresh(index)).after(contact, shape, goal.surfaces)
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
                 done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
-                if now.own is not None:
-                    done.is_settled &= now.own.is_settled(problems[index].self_contacts, shape)
+                done.is_settled &= now.own is None or now.own.is_settled(problems[index].self_contacts, shape)
                 hanging.append(now)
             share = self._free_share(anchor, done_at, goal, hanging)
             done.may_have_passed = share < 1.0
@@ -251,11 +250,9 @@ class Loop:
         self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
         return reply.shapes
 
-    def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> tuple[Candidates, Candidates, Meeting | None]:
+    def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Near:
         """Places within reach on the bodies, on the robot's links, and on the cable itself."""
-        cable = self._stage.scene.cables[index]
-        looks = cable.self_interaction is SelfInteraction.CONTACT
-        own = meet(shape, 0.5 * cable.diameter, self._reach_own) if looks else None
+        own = meet(self._stage.scene.cables[index], shape, self._reach_own)
         return self._search_bodies(index, shape, goal, previous), self._search_links(index, shape, goal, previous), own
 
     def _search_bodies(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
@@ -298,8 +295,7 @@ class Loop:
     def _part_way(self, index: int, item: tuple[Hanging, Hanging, Grasps], share: float, goal: Posture) -> Hanging:
         """A cable as far on its way as surely passes no body, with what is near it there."""
         was, now, grasps = item
-        least = LEAST_SHARE if was.own is None else was.own.least_share(was.shape, now.shape, LEAST_SHARE)
-        shape = part_way(was.shape, now.shape, max(0.8 * share, least), grasps)
+        shape = part_way(was.shape, now.shape, max(0.8 * share, least_share(was, now.shape, LEAST_SHARE)), grasps)
         self._reach = REACH_MOST
         return Hanging(shape, now.boundary, *self._search(index, shape, goal, was))
 

@@ -11,8 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from protocol.kinds import SelfTouch
+from protocol.kinds import SelfInteraction, SelfTouch
 from protocol.messages import SelfContacts, SelfReactions, Shape
+from protocol.scene import Cable
 
 from .self_touch import SelfCandidates, search
 
@@ -77,20 +78,18 @@ class Meeting:
         """Share of the way, by `moved` (n-1,) [m] for every segment, that surely takes no two strands through each other."""
         return float(((self.candidates.clearance - self.radius) / np.maximum(moved + moved.max(), 1e-12)).min())
 
-    def least_share(self, was: Shape, now: Shape, least: float) -> float:
-        """Share of the way that is taken in any case, towards a shape that may lie beyond a body; but not through the cable itself."""
-        node = np.linalg.norm(now.nodes - was.nodes, axis=1)
-        return min(least, max(0.8 * self.free_share(np.maximum(node[1:], node[:-1])), 0.0))
 
-
-def meet(shape: Shape, radius: float, room: float) -> Meeting:
-    """Where a cable is near itself.
+def meet(cable: Cable, shape: Shape, room: float) -> Meeting | None:
+    """Where a cable is near itself; None for a cable that does not care.
 
     Args:
+        cable: Which one.
         shape: With what it did to itself.
-        radius: [m] Of the cable.
         room: [m] Gap up to which it may move without a look; places within `NEAR` radii are handed to the shape server.
     """
+    if cable.self_interaction is not SelfInteraction.CONTACT:
+        return None
+    radius = 0.5 * cable.diameter
     reactions = shape.self_reactions if shape.self_reactions is not None else NO_REACTIONS
     return Meeting(radius, search(shape.nodes, shape.s, radius, NEAR * radius, max(room, NEAR * radius)), reactions)
 

@@ -25,6 +25,7 @@ from .distances import POINT, kernel
 
 BLOCK: Final = 8  # segments
 ONE: Final = 1.0  # segments, within which two places along y are one
+INSIDE: Final = 1e-9  # segments
 SLACK: Final = 1e-9  # of a cosine, within which a place at a node counts as a minimum
 
 
@@ -142,8 +143,8 @@ def _look_at(
         clearance[i], clearance[j] = min(clearance[i], size), min(clearance[j], size)
         if size < near and _is_least(nodes, j, u, d):
             if found < len(place):
-                # Half a cell: rounding may not take it to the next one.
-                place[found, 0] = i + min(max(t, 0.501 * half), 0.499 + 0.501 * half)
+                # Rounding may not take a place at the end of its cell to the next one.
+                place[found, 0] = i + (max(t, 0.5 + INSIDE) if half else min(t, 0.5 - INSIDE))
                 place[found, 1] = j + u
                 away[found, 0], away[found, 1], away[found, 2] = d[0], d[1], d[2]
             found += 1

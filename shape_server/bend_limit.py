@@ -1,8 +1,8 @@
 """The least bend radius at the nodes: energy, gradient and Hessian of a law that stiffens beyond it, compiled.
 
 A node whose curvature kappa is beyond the limit k = 1 / radius has the energy cell K (|kappa| - k)^2 / 2 more, K = `HARD` EI, and with it
-the moment K (|kappa| - k) about the axis of its bend: a spring towards zero of K (1 - k / |kappa|), which `vertex` knows as a law of its own,
-and for the change of |kappa| itself K k / |kappa| more. Derived here, checked by differences in the tests (`effects.bend_radius`).
+the moment K (|kappa| - k) about the axis of its bend: a spring towards zero of K (1 - k / |kappa|), which `vertex` knows as a law of its
+own, and for the change of |kappa| itself K k / |kappa| more. Derived here, checked by differences in the tests (`effects.bend_radius`).
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-FACE, EDGE, VERTEX, STRAND = 0, 1, 2, 3  # a strand of the cable itself is the matter of `strands`
+FACE, EDGE, VERTEX = 0, 1, 2
 PARALLEL = 0.02  # sine of the angle below which a segment counts as parallel to an edge
 BEYOND = 0.1  # of a segment, how far past its ends a row still holds
 SQUARE = 1e-3  # cosine between slide and tangent below which a contact does not slide
@@ -109,9 +109,6 @@ def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, gi
     offset = np.empty(3)
     for c in range(many):
         j, is_free, kind, at = element[c], False, feature[c], point[c]
-        if kind == STRAND:
-            gap[c], normal[c], push[c] = 0.0, 0.0, 0.0
-            continue
         if kind != FACE:
             fraction[c], is_free = _place(nodes, axes, lengths, j, at, direction[c], kind)
         _away(nodes, axes, lengths, j, fraction[c], at, offset)

@@ -50,7 +50,7 @@ class Held(NamedTuple):
 class Touch(NamedTuple):
     """One-sided contacts; `contact` says which contact of the request each row is, several may be one.
 
-    Those of the cable with itself are the last, with zeros here but for their feature; what they are stands in `Strands`.
+    Those of the cable with itself are the last, faces without a normal here; what they are stands in `Strands`.
     """
 
     contact: np.ndarray  # (m,) int, a negative number of its own for a self-contact

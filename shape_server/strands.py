@@ -1,8 +1,8 @@
 """Where a cable meets itself: the distance between two places of its axis, with first and second derivative, compiled.
 
-A polygon is no good for two strands that slide on each other: it has corners, and an energy with a ripple (see `contact_geometry`). The axis
-is therefore taken as the quadratic B-spline whose control points are the nodes, with half a segment at both ends left straight. It touches
-every segment at its middle, has a tangent without jumps, and a force on it is shared by three nodes with a second moment of h^2 / 4
+A polygon is no good for two strands that slide on each other: it has corners, and an energy with a ripple (see `contact_geometry`). The
+axis is therefore taken as the quadratic B-spline whose control points are the nodes, with half a segment at both ends left straight. It
+touches every segment at its middle, has a tangent without jumps, and a force on it is shared by three nodes with a second moment of h^2 / 4
 wherever it acts, so that there is no ripple. It runs inside the nodes by kappa h^2 / 8, an error of second order like that of the nodes.
 
 A place x counts segments from the start of the cable, r(x) = sum_k W_k(x) r_k. With D = r(x) - r(y), d = |D|, n = D / d:
@@ -79,6 +79,7 @@ def point_at(nodes, place, weights, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def inner(a, b):  # type: ignore[no-untyped-def]
+    """Scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 

@@ -14,7 +14,6 @@ from protocol.messages import PointLoads, Problem
 from protocol.scene import Cable, Vector
 
 from . import effects
-from .contact_geometry import STRAND
 from .mesh import Mesh
 from .numpy_path import directors
 from .rod import NO_RUB, Elastic, Held, Rod, Rub, State, Touch
@@ -256,7 +255,7 @@ def _with_strands(
     columns = {
         name: np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]) for name, column in touch._asdict().items()
     }
-    columns["contact"][len(push) :], columns["feature"][len(push) :] = -1 - np.arange(more), STRAND
+    columns["contact"][len(push) :] = -1 - np.arange(more)
     return Touch(**columns), strands, np.append(push, own_push), np.concatenate([fraction, np.zeros(more), places])
 
 

@@ -1,4 +1,4 @@
-"""Least bend radius: the axis bends down to a radius r, and beyond that hardly at all, whatever the moment.
+"""Bend_radius: the axis bends down to a least radius r, and beyond that hardly at all, whatever the moment.
 
 The paper (5.2) folds a cable of 3.3 mm and forces it through a clip: it resists, and keeps a loop 5.7 mm across, 2.85 mm in radius. What it
 calls a fictitious obstacle, a segment with fixed ends and inclinations around which the cable lies, is an arc of that radius wherever the

@@ -1,8 +1,9 @@
-"""Self-contact: two places of one cable push each other apart, or do not touch; without friction.
+"""Self_contact: two places of one cable push each other apart, or do not touch; without friction.
 
 gap >= 0, force >= 0, gap * force = 0 with gap = |r(s1) - r(s2)| - distance (twice the radius), the force along the line between the two
-places and opposite at both, so that it moves the cable as a whole neither this way nor that, nor turns it. `strands` has the geometry: one row
-for each cell of one strand, so that strands which lie side by side, as in a fold or a coil, share the force among many. Left out: friction, and that a soft sheath gives way (the softness is that of `contact`).
+places and opposite at both, so that it moves the cable as a whole neither this way nor that, nor turns it. `strands` has the geometry: one
+row for each cell of one strand, so that strands which lie side by side, as in a fold or a coil, share the force among many. Left out:
+friction, and that a soft sheath gives way (the softness is that of `contact`).
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from protocol.kinds import Feature, Friction, Hold, Outcome
+from protocol.kinds import Feature, Friction, Hold, Inclination, Outcome, SelfInteraction, SelfTouch
 from protocol.messages import (
     AnyMessage,
     Beat,
@@ -29,6 +29,8 @@ from protocol.messages import (
     Resume,
     Rubbed,
     Rubbing,
+    SelfContacts,
+    SelfReactions,
     Shape,
     ShapeReply,
     ShapeRequest,
@@ -58,6 +60,8 @@ CABLE = Cable(
     stretch=1e4,
     natural_curvature=(0.1, 0.2, 0.3),
     micro_length=0.01,
+    bend_radius=0.05,
+    self_interaction=SelfInteraction.FICTITIOUS,
     sections=(Section(start=0.1, end=0.4, bending=0.05), Section(start=0.4, end=1.2, mass_per_length=0.2)),
     masses=(LumpedMass(at=0.6, mass=0.01),),
 )
@@ -89,6 +93,18 @@ def contacts() -> Contacts:
         friction=np.array([0, 1, 4]),
         force=np.zeros((3, 3)),
         rubbing=rubbing(),
+        inclination=np.array([0, 1, 0]),
+    )
+
+
+def self_contacts() -> SelfContacts:
+    """One place where the cable meets itself."""
+    return SelfContacts(
+        s=np.array([[0.3, 0.9]]),
+        kind=np.array([SelfTouch.CONTACT]),
+        normal=np.array([[0.0, 0, 1]]),
+        distance=np.full(1, 0.009),
+        force=np.array([[0.0, 0, 2]]),
     )
 
 
@@ -129,6 +145,7 @@ def shape() -> Shape:
         is_stable=True,
         margin=0.3,
         fold=2.5,
+        self_reactions=SelfReactions(s=np.array([[0.3, 0.9]]), force=np.array([[0.0, 0, 2]]), gap=np.zeros(1)),
         cost=Cost(solve=1e-3, estimate=1e-4, certify=1e-5, factorisations=4, path="numba"),
         rubbed=Rubbed(s=np.array([0.9]), anchor=np.full((1, 3), 0.5), is_sticking=np.array([1])),
     )
@@ -141,7 +158,7 @@ def scene() -> Scene:
         grippers=(Gripper(name="left", cable="trunk", at=0.0, position=(0.0, 0.0, 1.0), tangent=(1.0, 0.0, 0.0), arm="left"),),
         moves=(Move(name="down", duration=1.0, targets=(Target(gripper="left", by=(0.0, 0.0, -0.1)),)),),
         bodies=(
-            Body(name="dashboard", generate="dashboard", friction=Friction.BOND),
+            Body(name="dashboard", generate="dashboard", friction=Friction.BOND, inclination=Inclination.FIXED),
             Body(name="beam", generate="beam", friction=Friction.REGULARIZED, friction_coefficient=0.3, friction_speed=0.01),
             Body(name="wall", mesh="wall.stl", friction=Friction.DEFINED, friction_table=((0.0, 0.3, 0.5),), friction_normals=(1.0, 2.0)),
         ),
@@ -179,7 +196,7 @@ def frame() -> Frame:
 
 def request() -> ShapeRequest:
     loads = PointLoads(s=np.array([0.6]), force=np.ones((1, 3)))
-    problem = Problem(cable=CABLE, grasps=grasps(), contacts=contacts(), start=start(), loads=loads)
+    problem = Problem(cable=CABLE, grasps=grasps(), contacts=contacts(), self_contacts=self_contacts(), start=start(), loads=loads)
     return ShapeRequest(session="session", step=7, round=1, gravity=(0.0, 0.0, -9.81), tolerance=1e-3, problems=(problem,))
 
 

@@ -70,7 +70,7 @@ POSTURES: dict[str, tuple[Problem, Vector]] = {
     "twist": (ROD, WEIGHTLESS),
     "preform": (replace_part(ROD, cable=replace(cable(mass=0.0), natural_curvature=(0.5, -2.0, 1.0))), WEIGHTLESS),
     "micro_length": (replace_part(ROD, cable=replace(cable(mass=0.0), micro_length=0.1)), WEIGHTLESS),
-    "bend_radius": (replace_part(ROD, cable=replace(cable(mass=0.0), bend_radius=0.4)), WEIGHTLESS),
+    "bend_radius": (replace_part(ROD, cable=replace(cable(mass=0.0), bend_radius=0.1)), WEIGHTLESS),
     "stretch": (replace_part(ROD, cable=replace(cable(mass=0.0), stretch=20.0)), WEIGHTLESS),
     "contact": (Problem(cable=cable(mass=0.0), grasps=span(), contacts=contacts(FEATURE)), WEIGHTLESS),
     "friction": (
@@ -105,12 +105,24 @@ def crooked(count: int) -> np.ndarray:
     return Rotation.concatenate(frames).as_quat()
 
 
+def curled(count: int) -> np.ndarray:
+    """Frames (count, 4) along an uneven loop of one turn and a half."""
+    noise = np.random.default_rng(3).normal(scale=0.05, size=(count, 3))
+    frames = [Rotation.from_quat(ALONG_X) * Rotation.from_rotvec([0.1, -0.4, 0.2])]
+    for step in Rotation.from_rotvec(noise[1:] + np.array([0.0, 3.0 * np.pi / count, 0.02])):
+        frames.append(frames[-1] * step)
+    return Rotation.concatenate(frames).as_quat()
+
+
 def loaded(name: str) -> tuple[System, State]:
     """A crooked rod under one effect, every row of it with a force."""
     problem, gravity = POSTURES[name]
     rod = build(problem, gravity)
     frames = crooked(len(rod.mesh.lengths))
-    if name == "self_contact":
+    if name == "bend_radius":  # so little that the crooked rod is beyond it
+        rod = build(replace_part(problem, cable=replace(problem.cable, bend_radius=0.4)), gravity)
+    elif name == "self_contact":
+        frames = curled(len(frames))
         gap = look(rod, state_of(rod, frames))[1].gap.min()
         rod = build(replace_part(problem, self_contacts=near_itself(0.009 + gap - 1e-3)), gravity)
     elif len(rod.push):
@@ -285,7 +297,9 @@ def test_the_gradient_turns_and_moves_with_the_problem(name: str) -> None:
     rod, state = loaded(name)
     turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
     problem, gravity = POSTURES[name]
-    if name == "self_contact":
+    if name == "bend_radius":
+        problem = replace_part(problem, cable=replace(problem.cable, bend_radius=0.4))
+    elif name == "self_contact":
         problem = replace_part(problem, self_contacts=near_itself(float(rod.rod.strands.distance[0])))
     elif len(rod.push):
         problem = Problem(cable=problem.cable, grasps=problem.grasps, contacts=contacts(under(rod, state.frames)))
