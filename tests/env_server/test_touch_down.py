@@ -110,6 +110,8 @@ def test_more_and_more_lies_as_the_hand_goes_down_and_forces_balance_at_every_st
         assert cable.bodies.penetration < 2e-6
         total = cable.boundary.pushes.force.sum(axis=0) + cable.shape.grasp_wrenches[:, :3].sum(axis=0)
         assert np.abs(total - [0.0, 0.0, WEIGHT * LENGTH]).max() < 1e-9 * WEIGHT * LENGTH
+        is_in_plane = np.abs(cable.shape.nodes[:, 1]).max() < 1e-6
+        assert is_in_plane or len(lying) > 40  # then it gives way sideways, as the scene says
         lying.append(float(cable.boundary.pushes.s.max()))
     assert lying[-1] > lying[0] + 0.2
     assert (np.diff(lying) > -0.026).all()  # by whole nodes, and these come and go
