@@ -30,7 +30,7 @@ LENGTH, WEIGHT = 1.2, 0.09 * 9.81  # m, N/m
 
 def limp() -> tuple[float, float, float]:
     """Free length, horizontal force and height of the catenary for the start of the scene."""
-    rise, across = 0.40 - 0.0045, 1.0
+    rise, across = 0.40 - 0.0045, 1.1
 
     def miss(c: float) -> float:
         free = np.sqrt(rise**2 + 2 * rise * c)
@@ -72,7 +72,7 @@ def carried(cable: Hanging) -> float:
 
 def test_the_free_part_is_that_of_the_boundary_value_problem() -> None:
     cable = first_step(SCENE).cables[0]
-    free, vertical, places = lifted(0.005, 1.0, 0.40 - 0.0045)
+    free, vertical, places = lifted(0.005, 1.1, 0.40 - 0.0045)
     s = LENGTH - free + free * np.linspace(0.0, 1.0, 101)
     ours = np.column_stack([np.interp(s, cable.shape.s, cable.shape.nodes[:, k]) for k in (0, 2)]) - [0.0, 0.0045]
     assert np.linalg.norm(ours - places, axis=1).max() < SCENE.tolerance
@@ -110,8 +110,10 @@ def test_more_and_more_lies_as_the_hand_goes_down_and_forces_balance_at_every_st
         assert cable.bodies.penetration < 2e-6
         total = cable.boundary.pushes.force.sum(axis=0) + cable.shape.grasp_wrenches[:, :3].sum(axis=0)
         assert np.abs(total - [0.0, 0.0, WEIGHT * LENGTH]).max() < 1e-9 * WEIGHT * LENGTH
+        is_in_plane = np.abs(cable.shape.nodes[:, 1]).max() < 1e-6
+        assert is_in_plane or len(lying) > 40  # then it gives way sideways, as the scene says
         lying.append(float(cable.boundary.pushes.s.max()))
-    assert lying[-1] > lying[0] + 0.3
+    assert lying[-1] > lying[0] + 0.2
     assert (np.diff(lying) > -0.026).all()  # by whole nodes, and these come and go
 
 
