@@ -77,7 +77,7 @@ class Loop:
         if before is not None:
             before = self._with_fewer_nodes(before)
         posture, cables, rounds = self._go(step, goal, before, 0)
-        while before is not None and self._is_too_coarse(cables):
+        while before is not None and remesh.are_too_coarse([cable.shape for cable in cables], self._stage.scene.tolerance):
             before = self._with_more_nodes(before, cables)
             reached, again, more = self._go(step, goal, before, 0)
             rounds += more
@@ -98,13 +98,6 @@ class Loop:
         if all(cable.shape.outcome is Outcome.CONVERGED for cable in cables):
             self._now = stepped
         return stepped
-
-    def _is_too_coarse(self, cables: tuple[Hanging, ...]) -> bool:
-        """Whether the step is worth repeating on more nodes: all cables have a shape, and one is further off than the tolerance."""
-        shapes = [cable.shape for cable in cables]
-        return all(shape.outcome is Outcome.CONVERGED for shape in shapes) and any(
-            remesh.is_too_coarse(shape, self._stage.scene.tolerance) for shape in shapes
-        )
 
     def _with_more_nodes(self, before: Stepped, after: tuple[Hanging, ...]) -> Stepped:
         """The last step, on twice the segments for every cable that is too coarse now."""

@@ -7,11 +7,13 @@ second node, the next step begins there. The error is of second order, so that t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import msgspec
 import numpy as np
 
+from protocol.kinds import Outcome
 from protocol.messages import Grasps, Shape
 
 SEGMENTS_LEAST, SEGMENTS_MOST = 48, 800
@@ -21,6 +23,12 @@ FOURFOLD: Final = 4.4  # growth of the error on every second node, with a tenth 
 def is_too_coarse(shape: Shape, tolerance: float) -> bool:
     """Whether the error is above the tolerance, or unknown, and more nodes may help."""
     return (shape.error is None or shape.error > tolerance) and 2 * len(shape.frames) <= SEGMENTS_MOST
+
+
+def are_too_coarse(shapes: Sequence[Shape], tolerance: float) -> bool:
+    """Whether a step is worth repeating on more nodes: all cables have a shape, and one is further off than the tolerance."""
+    has_all = all(shape.outcome is Outcome.CONVERGED for shape in shapes)
+    return has_all and any(is_too_coarse(shape, tolerance) for shape in shapes)
 
 
 def is_too_fine(shape: Shape, grasps: Grasps, tolerance: float) -> bool:

@@ -29,7 +29,7 @@ from .loop import Loop
 from .memory import Checkpoint, resume
 from .outlet import Outlet
 from .stage import Stage
-from .stepped import Stepped, touch_points
+from .stepped import Stepped, shown, touch_points
 
 RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
 COMPILING: Final = "; kernels compile beside the run, once, for a minute or two, and numpy serves meanwhile"
@@ -196,7 +196,7 @@ class Run:
             sentence = self._trouble(stepped)
             if sentence:
                 sentence = f"step {step} of {steps}, move '{stage.path.move_at(stepped.posture.time)}': {sentence}"
-            shapes = _shown(stepped, shapes)
+            shapes = shown(stepped, shapes)
             try:
                 if self._scene.relaxation is not None and step and not sentence:
                     self._relax(stage, before, stepped, step)
@@ -287,16 +287,6 @@ class Run:
             if hanging.shape.outcome is not Outcome.CONVERGED:
                 return f"cable '{cable.name}' is {hanging.shape.outcome.value}: {hanging.shape.sentence}"
         return ""
-
-
-def _shown(stepped: Stepped, last: tuple[Shape, ...]) -> tuple[Shape, ...]:
-    """The shapes of a step; a cable without one is shown as it was last, with the outcome and sentence of now."""
-    return tuple(
-        cable.shape
-        if cable.shape.outcome is Outcome.CONVERGED
-        else msgspec.structs.replace(before, outcome=cable.shape.outcome, sentence=cable.shape.sentence)
-        for cable, before in zip(stepped.cables, last, strict=True)
-    )
 
 
 def _version(name: str) -> str:

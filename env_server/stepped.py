@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
-from protocol.messages import Bill, TouchPoints
+from protocol.kinds import Outcome
+from protocol.messages import Bill, Shape, TouchPoints
 
 from .hanging import Hanging
 from .stage import Posture, Stage
@@ -42,4 +44,14 @@ def touch_points(stage: Stage, stepped: Stepped) -> TouchPoints:
         s=np.concatenate([p.s for _, p in pushes]),
         point=np.vstack([p.point for _, p in pushes]),
         force=np.vstack([p.force for _, p in pushes]),
+    )
+
+
+def shown(stepped: Stepped, last: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    """The shapes of a step; a cable without one is shown as it was last, with the outcome and sentence of now."""
+    return tuple(
+        cable.shape
+        if cable.shape.outcome is Outcome.CONVERGED
+        else msgspec.structs.replace(before, outcome=cable.shape.outcome, sentence=cable.shape.sentence)
+        for cable, before in zip(stepped.cables, last, strict=True)
     )

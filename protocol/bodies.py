@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from .kinds import Primitive
+from .kinds import Friction, Inclination, Primitive
 
 if TYPE_CHECKING:
+    from .cable import Cable
     from .scene import Body, Target
 
 SIZES: Final = {
@@ -34,6 +36,16 @@ def body_mistake(body: Body) -> str:
     return ""
 
 
+def inclination_mistake(body: Body, cables: Sequence[Cable]) -> str:
+    """What is wrong with the inclination that a body gives to cables; empty if nothing is."""
+    if body.inclination is Inclination.FREE:
+        return ""
+    if body.friction is not Friction.BOND:
+        return f"'fixed' is of cables bonded to '{body.name}'; give it friction = \"bond\""
+    limp = [cable.name for cable in cables if cable.bending is None]
+    return f"'fixed' needs cables with 'bending' and 'twist'; '{limp[0]}' has none" if limp else ""
+
+
 def target_mistake(target: Target) -> str:
     """What is wrong with a target of a move, besides names; empty if nothing is."""
     if (target.gripper is None) == (target.body is None):
@@ -43,4 +55,6 @@ def target_mistake(target: Target) -> str:
     for name in ("clip", "tangent", "approach"):
         if target.body is not None and getattr(target, name) is not None:
             return f"'{name}' is for a gripper; move a body by 'by' or 'to', and turn it by 'turn'"
+    if sum(goal is not None for goal in (target.by, target.to, target.clip)) > 1:
+        return "give one of 'by', 'to' and 'clip', not several"
     return ""

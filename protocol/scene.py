@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Le, MinLen
 
-from .bodies import body_mistake, target_mistake
+from .bodies import body_mistake, inclination_mistake, target_mistake
 from .cable import LENGTH_MAX as LENGTH_MAX
 from .cable import STRICT as STRICT
 from .cable import Cable as Cable
@@ -183,8 +183,9 @@ def check_scene(scene: Scene) -> None:
             raise SceneError(f"bodies[{index}]: {sentence}", key=f"bodies[{index}]")
         for name, sentence in friction_mistakes(body):
             raise SceneError(f"bodies[{index}].{sentence}", key=f"bodies[{index}].{name}")
-        if body.inclination is Inclination.FIXED:
-            _check_inclined(f"bodies[{index}].inclination", body, scene.cables)
+        sentence = inclination_mistake(body, scene.cables)
+        if sentence:
+            raise SceneError(f"bodies[{index}].inclination: {sentence}", key=f"bodies[{index}].inclination")
     for index, move in enumerate(scene.moves):
         for place, target in enumerate(move.targets):
             _check_target(f"moves[{index}].targets[{place}]", target, grippers, scene.bodies)
@@ -199,7 +200,7 @@ def check_scene(scene: Scene) -> None:
 
 def _check_cable(key: str, cable: Cable) -> None:
     for name, sentence in cable_mistakes(cable):
-        raise SceneError(f"{key}{sentence if name == '' else f'.{sentence}'}", key=f"{key}.{name}" if name else key)
+        raise SceneError(f"{key}.{sentence}", key=f"{key}.{name}")
     if cable.diameter >= cable.length:
         raise SceneError(
             f"{key}.diameter: {cable.diameter:g} m must be smaller than the cable's length, {cable.length:g} m", key=f"{key}.diameter"
@@ -222,14 +223,6 @@ def _check_gripper(key: str, gripper: Gripper, cables: dict[str, Cable], robot: 
         raise SceneError(f"{key}.arm: '{gripper.arm}' needs a [robot] in the scene", key=f"{key}.arm")
 
 
-def _check_inclined(key: str, body: Body, cables: tuple[Cable, ...]) -> None:
-    if body.friction is not Friction.BOND:
-        raise SceneError(f"{key}: 'fixed' is of cables bonded to '{body.name}'; give it friction = \"bond\"", key=key)
-    for cable in cables:
-        if cable.bending is None:
-            raise SceneError(f"{key}: 'fixed' needs cables with 'bending' and 'twist'; '{cable.name}' has none", key=key)
-
-
 def _check_target(key: str, target: Target, grippers: dict[str, Gripper], of_scene: tuple[Body, ...]) -> None:
     bodies = [body.name for body in of_scene]
     sentence = target_mistake(target)
@@ -241,8 +234,6 @@ def _check_target(key: str, target: Target, grippers: dict[str, Gripper], of_sce
         _known(f"{key}.body", target.body, bodies)
         if target.turn is not None and of_scene[bodies.index(target.body)].shape is Primitive.PLANE:
             raise SceneError(f"{key}.turn: the plane '{target.body}' is without end and does not turn; use a mesh", key=f"{key}.turn")
-    if sum(goal is not None for goal in (target.by, target.to, target.clip)) > 1:
-        raise SceneError(f"{key}: give one of 'by', 'to' and 'clip', not several", key=key)
     if target.clip is not None:
         body, dot, _ = target.clip.partition(".")
         if not dot:
@@ -262,11 +253,8 @@ def _check_distances(scene: Scene, cables: dict[str, Cable]) -> None:
         for first, second in itertools.pairwise(held):
             span, chord = second.at - first.at, math.dist(first.position, second.position)
             if span < 1e-6 * cable.length:
-                raise SceneError(
-                    f"grippers: '{first.name}' and '{second.name}' hold cable '{cable.name}' at the same {first.at:g} m; "
-                    "hold it at two places",
-                    key="grippers",
-                )
+                sentence = f"'{first.name}' and '{second.name}' hold cable '{cable.name}' at the same {first.at:g} m; hold it at two places"
+                raise SceneError(f"grippers: {sentence}", key="grippers")
             if chord > span and not reaches_any_distance(cable, (gripper.hold for gripper in held)):
                 raise SceneError(
                     f"grippers: '{first.name}' and '{second.name}' start {chord:.4g} m apart, further than the {span:.4g} m of cable "
@@ -302,10 +290,8 @@ def _check_quaternion(key: str, quaternion: Quaternion) -> None:
 def _check_steps(scene: Scene) -> None:
     steps = sum(move.duration for move in scene.moves) / scene.time_step
     if not steps <= STEPS_MAX:
-        raise SceneError(
-            f"time_step: {scene.time_step:g} s cuts the moves into {steps:.3g} steps; choose it so that there are at most {STEPS_MAX}",
-            key="time_step",
-        )
+        sentence = f"{scene.time_step:g} s cuts the moves into {steps:.3g} steps; choose it so that there are at most {STEPS_MAX}"
+        raise SceneError(f"time_step: {sentence}", key="time_step")
 
 
 def _unit(vector: Vector) -> Vector:
