@@ -202,18 +202,16 @@ def _check_cable(key: str, cable: Cable) -> None:
     for name, sentence in cable_mistakes(cable):
         raise SceneError(f"{key}.{sentence}", key=f"{key}.{name}")
     if cable.diameter >= cable.length:
-        raise SceneError(
-            f"{key}.diameter: {cable.diameter:g} m must be smaller than the cable's length, {cable.length:g} m", key=f"{key}.diameter"
-        )
+        sentence = f"{cable.diameter:g} m must be smaller than the cable's length, {cable.length:g} m"
+        raise SceneError(f"{key}.diameter: {sentence}", key=f"{key}.diameter")
 
 
 def _check_gripper(key: str, gripper: Gripper, cables: dict[str, Cable], robot: Robot | None) -> None:
     _known(f"{key}.cable", gripper.cable, list(cables))
     length = cables[gripper.cable].length
     if gripper.at > length:
-        raise SceneError(
-            f"{key}.at: {gripper.at:g} m lies beyond the end of cable '{gripper.cable}'; give 0 to {length:g} m", key=f"{key}.at"
-        )
+        sentence = f"{gripper.at:g} m lies beyond the end of cable '{gripper.cable}'; give 0 to {length:g} m"
+        raise SceneError(f"{key}.at: {sentence}", key=f"{key}.at")
     for name in ("tangent", "approach"):
         _check_direction(f"{key}.{name}", getattr(gripper, name))
     if _dot(_unit(gripper.tangent), _unit(gripper.approach)) ** 2 > 0.25:
@@ -256,11 +254,9 @@ def _check_distances(scene: Scene, cables: dict[str, Cable]) -> None:
                 sentence = f"'{first.name}' and '{second.name}' hold cable '{cable.name}' at the same {first.at:g} m; hold it at two places"
                 raise SceneError(f"grippers: {sentence}", key="grippers")
             if chord > span and not reaches_any_distance(cable, (gripper.hold for gripper in held)):
-                raise SceneError(
-                    f"grippers: '{first.name}' and '{second.name}' start {chord:.4g} m apart, further than the {span:.4g} m of cable "
-                    f"'{cable.name}' between them; bring them within {span:.4g} m",
-                    key="grippers",
-                )
+                names, between = f"'{first.name}' and '{second.name}'", f"the {span:.4g} m of cable '{cable.name}' between them"
+                sentence = f"{names} start {chord:.4g} m apart, further than {between}; bring them within {span:.4g} m"
+                raise SceneError(f"grippers: {sentence}", key="grippers")
 
 
 def _names_differ(key: str, names: list[str]) -> None:
