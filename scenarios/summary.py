@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,6 +18,9 @@ import numpy as np
 from protocol import recording
 from protocol.kinds import Outcome
 from protocol.messages import Bill, Frame, Shape
+from protocol.scene import Scene
+
+from .passing import distance
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -43,7 +47,7 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
     tally = _Tally()
     for frame in run.frames:
         if not frame.relaxation:  # what is shown on the way from one equilibrium to the next was not solved
-            tally.add(frame, run.snapshot.scene.tolerance)
+            tally.add(frame, run.snapshot.scene)
     finished = run.finished
     return {
         "scene": run.snapshot.scene.title,
@@ -95,6 +99,8 @@ def table(summary: Summary) -> Table:
         ("robot collisions", f"[red]in {summary['collisions']} steps[/red]" if summary["collisions"] else "none"),
         ("bill of a step", ", ".join(f"{part} {value:.3f}" for part, value in summary["bill_ms"].items()) + " ms (medians)"),
     )
+    if count := summary["steps_with_overlapping_cables"]:
+        rows = (*rows, ("cables", f"[red]in each other in {count} steps; contact between two cables is not simulated[/red]"))
     for label, text in rows:
         shown.add_row(label, text)
     return shown
@@ -108,13 +114,14 @@ class _Tally:
         self._outcomes: Counter[str] = Counter()
         self._most: dict[str, float] = {}
         self._paths: Counter[str] = Counter()
-        self._contacts = self._rounds = self._collisions = self._above = 0
+        self._contacts = self._rounds = self._collisions = self._above = self._overlapping = 0
         self.frames = 0
 
-    def add(self, frame: Frame, tolerance: float) -> None:
-        """Count a frame in; `tolerance` [m] is what its shapes were asked for."""
+    def add(self, frame: Frame, scene: Scene) -> None:
+        """Count a frame of a scene in."""
         self.frames += 1
-        self._above += any(shape.error is None or shape.error > tolerance for shape in frame.shapes)
+        self._above += any(shape.error is None or shape.error > scene.tolerance for shape in frame.shapes)
+        self._overlapping += _overlap(frame, scene)
         if frame.sequence > 0:
             self._bills.append(tuple(getattr(frame.bill, part) for part in BILL))
         self._collisions += bool(frame.collisions)
@@ -158,12 +165,22 @@ class _Tally:
             "contacts_max": self._contacts,
             "rounds_max": self._rounds,
             "collisions": self._collisions,
+            "steps_with_overlapping_cables": self._overlapping,
             "tension_max_N": most.get("tension"),
             "bend_radius_min_m": 1.0 / curvature if curvature else None,
             "grasp_force_max_N": most.get("grasp_force"),
             "torque_ratio_max": most.get("torque_ratio"),
             "bill_ms": {part: 1e3 * float(np.median(bills[:, column])) if len(bills) else 0.0 for column, part in enumerate(BILL)},
         }
+
+
+def _overlap(frame: Frame, scene: Scene) -> bool:
+    """Whether two cables are in each other."""
+    for (one, first), (other, second) in combinations(zip(scene.cables, frame.shapes, strict=True), 2):
+        touching = 0.5 * (one.diameter + other.diameter)
+        if distance(first.nodes, second.nodes, touching) < touching:
+            return True
+    return False
 
 
 def _length(value: float | None, note: str = "") -> str:
