@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from protocol.cable import Cable
-from protocol.kinds import Feature, Hold
+from protocol.kinds import Feature, Hold, Model
 from protocol.messages import Contacts, Grasps, Problem, Shape
 from protocol.scene import Vector
 
@@ -22,12 +22,13 @@ GRAVITY: Final = (0.0, 0.0, -9.81)
 LEVEL: Final = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # d1 up, d3 along x
 ROWS: Final = 100  # places at which a cable may touch a floor
 
-Exact = Callable[[Shape], "np.ndarray | None"]
+Points = Callable[[np.ndarray], np.ndarray]
+Exact = Callable[[Shape], "Points | None"]
 
 
 @dataclass(frozen=True)
 class Draw:
-    """A request and how to find the exact nodes (n, 3) [m] of the branch that an answer is on."""
+    """A request and how to find the exact points (n, 3) [m] at arc lengths (n,) [m], of the branch that an answer is on."""
 
     kind: str
     problem: Problem
@@ -62,9 +63,9 @@ def _in_plane(rng: np.random.Generator) -> Draw:
 def _rod(kind: str, cable: Cable, places: np.ndarray, frames: np.ndarray, hold: tuple[Hold, Hold], rng: np.random.Generator) -> Draw:
     problem = Problem(cable=cable, grasps=Grasps(s=np.array([0.0, cable.length]), position=places, quaternion=frames, hold=hold))
 
-    def exact(shape: Shape) -> np.ndarray | None:
+    def exact(shape: Shape) -> Points | None:
         found = boundary_value.reference(problem, GRAVITY, shape)
-        return None if found is None else found.nodes(shape.s)
+        return None if found is None else found.nodes
 
     return Draw(kind, problem, GRAVITY, _tolerance(cable, rng), exact)
 
@@ -76,9 +77,9 @@ def _on_floor(rng: np.random.Generator) -> Draw:
     bending = weight * length**3 * 10 ** rng.uniform(-4.5, -2.7)
     problem, ends, height = lying_on_floor(length, weight, bending, length * rng.uniform(0.005, 0.03, 2), rng.uniform(0.3, 0.95))
 
-    def exact(shape: Shape) -> np.ndarray | None:
+    def exact(shape: Shape) -> Points | None:
         found = floor.lying(bending, weight, length, ends, height, shape)
-        return None if found is None else found.nodes(shape.s)
+        return None if found is None else found.nodes
 
     return Draw("rod on a floor", problem, GRAVITY, length * 10 ** rng.uniform(-4.5, -2.5), exact)
 
@@ -122,8 +123,8 @@ def _without_bending(rng: np.random.Generator) -> Draw:
         hold=(Hold.HINGE, Hold.HINGE),
     )
 
-    def exact(shape: Shape) -> np.ndarray | None:
-        return hanging(np.zeros(3), place, length, shape.s)
+    def exact(shape: Shape) -> Points | None:
+        return lambda s: hanging(np.zeros(3), place, length, s)
 
     return Draw("catenary", Problem(cable=cable, grasps=held), GRAVITY, _tolerance(cable, rng), exact)
 
@@ -167,3 +168,11 @@ def _plane(length: float, radius: float) -> Contacts:
 def _tolerance(cable: Cable, rng: np.random.Generator) -> float:
     """From a millionth of the length to three thousandths."""
     return float(cable.length * 10 ** rng.uniform(-6.0, -2.5))
+
+
+def true_error(shape: Shape, exact: Points) -> float:
+    """Largest distance [m] of a shape from the exact one: of its nodes, and of its segments where the model promises the whole polyline."""
+    away = [exact(shape.s) - shape.nodes]
+    if shape.model == Model.CATENARY.value:
+        away.append(exact(0.5 * (shape.s[1:] + shape.s[:-1])) - 0.5 * (shape.nodes[1:] + shape.nodes[:-1]))
+    return float(max(np.linalg.norm(part, axis=1).max() for part in away))

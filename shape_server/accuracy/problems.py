@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,13 +14,11 @@ from protocol.messages import Grasps, Problem, Shape
 from protocol.scene import Vector
 
 from . import boundary_value, floor
-from .draws import GRAVITY, LEVEL, lying_on_floor
+from .draws import GRAVITY, LEVEL, Exact, Points, lying_on_floor
 from .hanging import hanging
 
 WEIGHT: Final = 1.0  # N/m
 G: Final = 9.81  # m/s^2
-
-Exact = Callable[[Shape], Callable[[np.ndarray], np.ndarray] | None]
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,7 @@ def _rod(
     )
     problem = Problem(cable=cable, grasps=held)
 
-    def exact(shape: Shape) -> Callable[[np.ndarray], np.ndarray] | None:
+    def exact(shape: Shape) -> Points | None:
         found = boundary_value.reference(problem, GRAVITY, shape)
         return None if found is None else found.nodes
 
@@ -107,7 +104,7 @@ def _catenary() -> Static:
         hold=(Hold.HINGE, Hold.HINGE),
     )
 
-    def exact(_shape: Shape) -> Callable[[np.ndarray], np.ndarray]:
+    def exact(_shape: Shape) -> Points:
         return lambda s: hanging(np.zeros(3), place, 12.0, s)
 
     return Static("no bending", "12 m without bending between points 5 m apart", Problem(cable=cable, grasps=held), GRAVITY, exact)
@@ -116,7 +113,7 @@ def _catenary() -> Static:
 def _on_floor() -> Static:
     problem, ends, height = lying_on_floor(1.0, WEIGHT, 1e-3, np.array([0.02, 0.02]), 0.7)
 
-    def exact(shape: Shape) -> Callable[[np.ndarray], np.ndarray] | None:
+    def exact(shape: Shape) -> Points | None:
         found = floor.lying(1e-3, WEIGHT, 1.0, ends, height, shape)
         return None if found is None else found.nodes
 

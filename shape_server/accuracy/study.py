@@ -26,6 +26,7 @@ from ..refine import cold
 from ..solve import solve
 from ..task import Task
 from . import boundary_value
+from .draws import true_error
 from .problems import Static
 
 REPEATS, LONG = 7, 0.25  # repeats at most, and s of CPU after which there is none more
@@ -83,8 +84,7 @@ def study(static: Static, told: Callable[[str], None] = lambda sentence: None) -
         if shape.outcome is not Outcome.CONVERGED or shape.error is None:
             refused.append((f"{group}, {setting}", shape.sentence))
             continue
-        away = float(np.linalg.norm(exact(shape.s) - shape.nodes, axis=1).max())
-        cost = shape.cost.factorisations
+        away, cost = true_error(shape, exact), shape.cost.factorisations
         rows.append(Row(group, setting, away / length, shape.error / length, seconds, len(shape.s), cost, shape.model))
     if boundary_value.is_covered(static.problem):
         told(f"{static.name}: {PEER}")
