@@ -74,12 +74,7 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     for k in range(len(stiffness)):
         element[at], fraction[at], vector[at], compliance[at, at] = 0, 0.0, 0.0, 1.0 / stiffness[k]
         at += 1
-    for row in rubs:
-        for axis in range(2):
-            element[at], fraction[at], vector[at] = rod.rub.element[row], rod.rub.fraction[row], rod.rub.axes[row, axis]
-            compliance[at, at] = hard if is_exact else state.ease[row]
-            residual[at] = view.slip[row, axis] + hard * state.drag[row, axis] if is_exact else 0.0
-            at += 1
+    _add_rubs(rod, state, view, rubs, hard if is_exact else 0.0, at, element, fraction, vector, compliance, residual)
     return Border(
         element=element,
         fraction=fraction,
@@ -94,6 +89,17 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
         spread=spread,
         inclined=inclined_rows(rod, held, len(rod.lengths)),
     )
+
+
+@njit(cache=True, error_model="numpy")
+def _add_rubs(rod, state, view, rubs, hard, at, element, fraction, vector, compliance, residual):  # type: ignore[no-untyped-def]
+    """Two rows along the surface for every contact that rubs; exact ones with `hard` [m/N], others with their own ease."""
+    for row in rubs:
+        for axis in range(2):
+            element[at], fraction[at], vector[at] = rod.rub.element[row], rod.rub.fraction[row], rod.rub.axes[row, axis]
+            compliance[at, at] = hard if hard > 0.0 else state.ease[row]
+            residual[at] = view.slip[row, axis] + hard * state.drag[row, axis] if hard > 0.0 else 0.0
+            at += 1
 
 
 @njit(cache=True, error_model="numpy")

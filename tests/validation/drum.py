@@ -121,6 +121,7 @@ def _candidates(shape: Shape) -> Candidates:
         gap=distance[segment] - RADIUS,
         is_crossing=np.zeros(count, dtype=bool),
         is_beyond=np.zeros(count, dtype=bool),
+        thickness=np.zeros(count),
         clearance=np.full(len(first), RADIUS),
     )
 
