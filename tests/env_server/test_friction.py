@@ -130,6 +130,7 @@ def test_a_body_that_moves_and_turns_carries_the_cable_along_by_friction(tmp_pat
     assert last.rubbed.is_sticking[:-1].all()  # the gripper bears the last node
 
 
+@pytest.mark.slow
 def test_a_table_that_turns_about_the_gripper_takes_the_cable_round(tmp_path: Path) -> None:
     pivot = np.array([1.0, 0.0, 0.0])
     motion: Motion = lambda time: (time, pivot - Rotation.from_rotvec([0.0, 0.0, time]).apply(pivot), False)  # noqa: E731

@@ -98,7 +98,7 @@ def test_both_paths_find_the_same_shape() -> None:
     np.testing.assert_allclose(shapes[0].nodes, shapes[1].nodes, atol=1e-9)
 
 
-@pytest.mark.parametrize("extrapolate", [False, True])
+@pytest.mark.parametrize("extrapolate", [False, pytest.param(True, marks=pytest.mark.slow)])  # compiles for a minute
 def test_a_follower_takes_it_along(extrapolate: bool) -> None:
     problem = Problem(cable=MICRO, grasps=span(), model=Model.ROD)
     follower = Follower(problem, GRAVITY, extrapolate=extrapolate, segments=40)
@@ -119,7 +119,7 @@ def test_what_is_not_built_for_it_says_so() -> None:
         port(system, system.start(np.tile(ALONG_X, (len(system.mesh.lengths), 1))), numpy_path)
 
 
-@pytest.mark.parametrize("times", [10.0, 100.0])
+@pytest.mark.parametrize("times", [10.0, pytest.param(100.0, marks=pytest.mark.slow)])
 def test_a_micro_length_of_many_lengths_finds_a_shape_or_is_refused_with_the_reason(times: float) -> None:
     found = 0
     for problem in random_spans(6, 1e-2, seed=3):

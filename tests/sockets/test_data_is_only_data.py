@@ -87,6 +87,7 @@ def test_an_array_of_objects_is_no_checkpoint(tmp_path: Path) -> None:
         checkpoint.read(file, Holder)
 
 
+@pytest.mark.slow  # it draws
 def test_names_in_a_recording_lead_nowhere_out_of_its_folder(tmp_path: Path) -> None:
     run = tmp_path / "runs" / "mine"
     run.mkdir(parents=True)
