@@ -87,10 +87,10 @@ def begun(kind: Friction, law: FrictionLaw) -> Drum:
     return Drum(laid, boundary, 0.0).moved(0.0)
 
 
-def settled(drum: Drum, lower: float, steps: int, **changes: float) -> Drum:
-    """After so many steps, with the gripper on its way to `lower` in steps of equal length."""
+def settled(drum: Drum, lower: float, steps: int, *, stop: int | None = None, **changes: float) -> Drum:
+    """With the gripper on its way to `lower` in so many steps of equal length, after all of them or as many as `stop`."""
     from_here = -(drum.shape.nodes[0, 2] + LEG)
-    for step in range(1, steps + 1):
+    for step in range(1, (stop or steps) + 1):
         drum = drum.moved(from_here + (lower - from_here) * step / steps, **changes)
     return drum
 
