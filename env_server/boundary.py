@@ -31,6 +31,7 @@ SAME_NORMAL: Final = 0.98  # cosine between two normals of one contact
 TAUT: Final = 1e-5  # of the length; a part with less slack than this is taut
 SAME_PLACE: Final = 1e-3  # of a segment; a row this near to a bond says the same
 SLIGHT: Final = 0.05  # rad, a bend so slight that the normal of a bond is rather kept than turned to halve it
+BEHIND: Final = 4.0  # segments beside a bond in which the side of a thin body says nothing
 APART: Final = 0.5  # of a segment; beside a bond nothing else needs to be bonded
 FREE, BONDED = FRICTION_CODES.index(Friction.NONE), FRICTION_CODES.index(Friction.BOND)
 
@@ -44,6 +45,7 @@ class Bond:
     point: np.ndarray  # (3,) m, in the body's frame
     normal: np.ndarray  # (3,) in the body's frame
     force: np.ndarray  # (3,) N, on the cable, world
+    drawn: float = 0.0  # m of the cable that were drawn through it since the last step
     is_sharp: bool = False  # on a point or an edge that a cable without bending may bend about
 
 
@@ -169,10 +171,14 @@ class Boundary:
         return inside_body
 
     def _is_kink(self, candidates: Candidates, s: np.ndarray) -> np.ndarray:
-        """Which places (m,) are beside a bond to a point or an edge: a cable without bending passes it within its own radius there."""
+        """Which places (m,) are beside a bond to a point or an edge: a cable without bending passes it within its own radius there.
+
+        A place behind a point or a line, as seen from where that was touched, is beside a sharp bend at several segments from it too.
+        """
         place, spacing, out = at_place(candidates, s), float(np.diff(s).max()), np.zeros(len(candidates.gap), dtype=bool)
+        near = np.where(self.is_limp & (candidates.gap < -self.radius), BEHIND * spacing, spacing)
         for bond in self.bonds:
-            out |= (candidates.body == bond.surface) & (candidates.feature != FACE) & (np.abs(place - bond.s) < spacing)
+            out |= (candidates.body == bond.surface) & (candidates.feature != FACE) & (np.abs(place - bond.s) < near + bond.drawn)
         return out
 
     def accepted(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
@@ -180,8 +186,9 @@ class Boundary:
         return self.anchored(contacts, shape, poses, time).bonded(poses, float(np.diff(shape.s).max()))
 
     def anchored(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
-        """With the cable held where it now rubs, once a step has settled; as it is where no body rubs."""
-        return self if self.laws is None else replace(self, anchors=anchors.anchored(contacts, shape, poses, time))
+        """With the cable held where it now rubs, and nothing drawn through, once a step has settled."""
+        rested = replace(self, bonds=tuple(replace(bond, drawn=0.0) for bond in self.bonds)) if self.bonds else self
+        return rested if self.laws is None else replace(rested, anchors=anchors.anchored(contacts, shape, poses, time))
 
     def bonded(self, poses: np.ndarray, spacing: float) -> Boundary:
         """With every push on a bonding body turned into a bond, where none is near; once a step has settled.
@@ -233,7 +240,11 @@ class Boundary:
                 at[worst + 1] += short[worst]
             else:
                 at[worst] -= short[worst]
-        moved = [replace(bonds[item[2]], s=float(place)) for item, place in zip(fixed, at, strict=True) if item[2] >= 0]
+        moved = [
+            replace(bonds[item[2]], s=float(place), drawn=bonds[item[2]].drawn + abs(float(place) - item[0]))
+            for item, place in zip(fixed, at, strict=True)
+            if item[2] >= 0
+        ]
         return replace(self, bonds=tuple(bond for bond in moved if 0.0 < bond.s < self.length))
 
     def _share_pushes(self, body: np.ndarray, place: np.ndarray, normal: np.ndarray, force: np.ndarray, spacing: float) -> None:
