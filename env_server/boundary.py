@@ -32,6 +32,7 @@ TAUT: Final = 1e-5  # of the length; a part with less slack than this is taut
 SAME_PLACE: Final = 1e-3  # of a segment; a row this near to a bond says the same
 SLIGHT: Final = 0.05  # rad, a bend so slight that the normal of a bond is rather kept than turned to halve it
 BEHIND: Final = 4.0  # segments beside a bond in which the side of a thin body says nothing
+BENT: Final = 2.5  # radii beside a sharp bend about a point within which the cable is nearer to it than its radius
 APART: Final = 0.5  # of a segment; beside a bond nothing else needs to be bonded
 FREE, BONDED = FRICTION_CODES.index(Friction.NONE), FRICTION_CODES.index(Friction.BOND)
 
@@ -134,7 +135,7 @@ class Boundary:
         on = np.flatnonzero(size > 0.0)
         first_bond = len(contacts.s) - len(self.bonds)
         bonds = tuple(
-            replace(bond, force=shape.contact_forces[first_bond + row], normal=_turned(bond, shape, poses[bond.surface]))
+            _slid(bond, shape, first_bond + row, poses[bond.surface]) if self.is_limp else replace(bond, force=shape.contact_forces[first_bond + row])
             for row, bond in enumerate(self.bonds)
             if size[first_bond + row] > 0.0
         )
@@ -176,7 +177,7 @@ class Boundary:
         A place behind a point or a line, as seen from where that was touched, is beside a sharp bend at several segments from it too.
         """
         place, spacing, out = at_place(candidates, s), float(np.diff(s).max()), np.zeros(len(candidates.gap), dtype=bool)
-        near = np.where(self.is_limp & (candidates.gap < -self.radius), BEHIND * spacing, spacing)
+        near = np.where(candidates.gap < -self.radius, BEHIND * spacing, max(spacing, BENT * self.radius)) if self.is_limp else spacing
         for bond in self.bonds:
             out |= (candidates.body == bond.surface) & (candidates.feature != FACE) & (np.abs(place - bond.s) < near + bond.drawn)
         return out
@@ -265,6 +266,13 @@ def at_place(candidates: Candidates, s: np.ndarray) -> np.ndarray:
     """Arc lengths (m,) [m] of places, from those of the nodes (n,) [m]."""
     place: np.ndarray = s[candidates.segment] + candidates.fraction * np.diff(s)[candidates.segment]
     return place
+
+
+def _slid(bond: Bond, shape: Shape, row: int, pose: np.ndarray) -> Bond:
+    """A bond as the shape server left it: a cable without bending slides through one that would pull."""
+    s = float(shape.contact_s[row])
+    bond = replace(bond, s=s, force=shape.contact_forces[row], drawn=bond.drawn + abs(s - bond.s))
+    return replace(bond, normal=_turned(bond, shape, pose))
 
 
 def _turned(bond: Bond, shape: Shape, pose: np.ndarray) -> np.ndarray:

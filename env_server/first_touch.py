@@ -61,6 +61,19 @@ def with_first_touches(
     return touched if any_touched else None
 
 
+def sides(was: Hanging) -> Candidates:
+    """The places near a cable from which the next search takes on which side of a body it is.
+
+    Beside a sharp bend the sides of the two pieces differ; a body that a cable without bending is bonded to it cannot pass.
+    """
+    near = was.bodies
+    if not was.boundary.is_limp or not was.boundary.bonding[near.body].any():
+        return near
+    slides = ~was.boundary.bonding[near.body]
+    columns = {name: getattr(near, name)[slides] for name in Candidates.__slots__ if name != "clearance"}
+    return Candidates(**columns, clearance=near.clearance)
+
+
 def within(cables: tuple[Hanging, ...]) -> tuple[Hanging, ...]:
     """The cables of a start, without a shape for those that hang within a bonding body."""
     return tuple(

@@ -22,7 +22,7 @@ from protocol.messages import Grasps, Problem, Shape, ShapeRequest
 from . import remesh
 from .asking import Asker
 from .boundary import Boundary
-from .first_touch import with_first_touches, within
+from .first_touch import sides, with_first_touches, within
 from .hanging import Hanging, Near, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .self_boundary import meet
 from .stage import Posture, Stage
@@ -258,7 +258,7 @@ class Loop:
             goal.surfaces[: self._stage.body_count],
             0.5 * self._stage.scene.cables[index].diameter,
             self._reach,
-            previous=previous.bodies if previous is not None else None,
+            previous=sides(previous) if previous is not None else None,
         )
 
     def _look(self, index: int, nodes: np.ndarray, poses: np.ndarray) -> Candidates:
