@@ -172,14 +172,17 @@ class Boundary:
         return inside_body
 
     def _is_kink(self, candidates: Candidates, s: np.ndarray) -> np.ndarray:
-        """Which places (m,) are beside a bond to a point or an edge: a cable without bending passes it within its own radius there.
+        """Which places (m,) are beside a bond to a point or an edge: without bending the cable passes it within its own radius there.
 
         A place behind a point or a line, as seen from where that was touched, is beside a sharp bend at several segments from it too.
         """
         place, spacing, out = at_place(candidates, s), float(np.diff(s).max()), np.zeros(len(candidates.gap), dtype=bool)
         near = np.where(candidates.gap < -self.radius, BEHIND * spacing, max(spacing, BENT * self.radius)) if self.is_limp else spacing
-        for bond in self.bonds:
-            out |= (candidates.body == bond.surface) & (candidates.feature != FACE) & (np.abs(place - bond.s) < near + bond.drawn)
+        bends = [(bond.surface, bond.s, near + bond.drawn) for bond in self.bonds]
+        if self.is_limp:  # it bends as sharply where it slides
+            bends += [(surface, s, near) for surface, s in zip(self.pushes.surface.tolist(), self.pushes.s.tolist(), strict=True)]
+        for surface, s_bend, room in bends:
+            out |= (candidates.body == surface) & (candidates.feature != FACE) & (np.abs(place - s_bend) < room)
         return out
 
     def accepted(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:

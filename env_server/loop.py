@@ -64,7 +64,7 @@ class Loop:
         self._reach = self._reach_links = self._reach_own = REACH_MOST
         limp = [cable.diameter for cable in stage.scene.cables if cable.bending is None]
         self._may_bond = bool(limp) and bool(stage.bonding.any())
-        self._tolerance = min(stage.scene.tolerance, 0.5 * CHORD * min(limp)) if self._may_bond else stage.scene.tolerance
+        self._tolerance = min(stage.scene.tolerance, 0.5 * CHORD * min(limp)) if limp and stage.scene.bodies else stage.scene.tolerance
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:

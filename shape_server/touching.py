@@ -51,7 +51,7 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hang
         return nothing(problem, Outcome.UNSUPPORTED, sentence)
     held = _Held({row: float(contacts.s[row]) for row in _separate(problem, is_bond)}, [], [])
     groups = grouped(contacts, np.flatnonzero(~is_bond), 1)
-    found = [slides_of(contacts, groups.chosen[own].tolist()) for own in groups.features]
+    found = [slides_of(contacts, groups.chosen[own].tolist(), problem.start) for own in groups.features]
     for slide in found:
         (held.sliding if (contacts.force[slide.rows] != 0.0).any() else held.open).append(slide)
     for _ in range(CHANGES_MAX):
