@@ -30,6 +30,9 @@ GAP_OK: Final = 1e-5  # m; a contact that pushes must be no further than this fr
 SAME_NORMAL: Final = 0.98  # cosine between two normals of one contact
 TAUT: Final = 1e-5  # of the length; a part with less slack than this is taut
 SAME_PLACE: Final = 1e-3  # of a segment; a row this near to a bond says the same
+SLIGHT: Final = 0.05  # rad, a bend so slight that the normal of a bond is rather kept than turned to halve it
+BEHIND: Final = 4.0  # segments beside a bond in which the side of a thin body says nothing
+BENT: Final = 2.5  # radii beside a sharp bend about a point within which the cable is nearer to it than its radius
 APART: Final = 0.5  # of a segment; beside a bond nothing else needs to be bonded
 FREE, BONDED = FRICTION_CODES.index(Friction.NONE), FRICTION_CODES.index(Friction.BOND)
 
@@ -43,6 +46,8 @@ class Bond:
     point: np.ndarray  # (3,) m, in the body's frame
     normal: np.ndarray  # (3,) in the body's frame
     force: np.ndarray  # (3,) N, on the cable, world
+    drawn: float = 0.0  # m of the cable that were drawn through it since the last step
+    is_sharp: bool = False  # on a point or an edge that a cable without bending may bend about
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,7 @@ class Boundary:
     length: float  # m
     bonding: np.ndarray  # (surfaces,) bool, whose friction is `bond`
     inclined: np.ndarray | None = None  # (surfaces,) bool, whose inclination is `fixed`; None if that of none is
+    is_limp: bool = False  # without bending; bonded where it first touches (`first_touch`)
     bonds: tuple[Bond, ...] = ()
     pushes: Pushes = NO_PUSHES
     laws: anchors.Laws | None = None  # of friction; None where no body rubs
@@ -91,9 +97,8 @@ class Boundary:
             poses: (surfaces, 7) Poses of all surfaces.
             time: [s] Of these poses.
         """
-        place = s[candidates.segment] + candidates.fraction * np.diff(s)[candidates.segment]
-        spacing = float(np.diff(s).max())
-        free = np.ones(len(place), dtype=bool)
+        place, spacing = at_place(candidates, s), float(np.diff(s).max())
+        free = ~self.bonding[candidates.body] if self.is_limp else np.ones(len(place), dtype=bool)
         for bond in self.bonds:
             free &= (candidates.body != bond.surface) | (np.abs(place - bond.s) > SAME_PLACE * spacing)
         count, bonds = int(free.sum()), self.bonds
@@ -130,7 +135,7 @@ class Boundary:
         on = np.flatnonzero(size > 0.0)
         first_bond = len(contacts.s) - len(self.bonds)
         bonds = tuple(
-            replace(bond, force=shape.contact_forces[first_bond + row])
+            _slid(bond, shape, first_bond + row, poses[bond.surface]) if self.is_limp else replace(bond, force=shape.contact_forces[first_bond + row])
             for row, bond in enumerate(self.bonds)
             if size[first_bond + row] > 0.0
         )
@@ -149,13 +154,9 @@ class Boundary:
         """Whether nothing is penetrated, and every push comes from a body that is really there."""
         if candidates.is_crossing.any():
             return False
-        spacing = np.diff(s)
-        place = s[candidates.segment] + candidates.fraction * spacing[candidates.segment]
-        # A cable without bending has a kink at a bond to a point or an edge, and passes it within its own radius there.
-        is_kink = np.zeros(len(place), dtype=bool)
-        for bond in self.bonds:
-            is_kink |= (candidates.body == bond.surface) & (candidates.feature != FACE) & (np.abs(place - bond.s) < spacing.max())
-        if (candidates.gap < np.where(is_kink, -self.radius, -DEPTH_OK)).any():
+        place, spacing = at_place(candidates, s), np.diff(s)
+        deepest = -np.inf if self.is_limp else -self.radius
+        if (candidates.gap < np.where(self._is_kink(candidates, s), deepest, -DEPTH_OK)).any():
             return False
         pushes = self.pushes
         near = candidates.gap < GAP_OK + pushes.bulge
@@ -165,13 +166,33 @@ class Boundary:
                 return False
         return True
 
+    def missed(self, candidates: Candidates, s: np.ndarray, depth: float = DEPTH_OK) -> np.ndarray:
+        """Which places (m,) on bonding bodies are deeper than `depth` [m] within them, and not beside a bond."""
+        inside_body: np.ndarray = self.bonding[candidates.body] & (candidates.gap < -depth) & ~self._is_kink(candidates, s)
+        return inside_body
+
+    def _is_kink(self, candidates: Candidates, s: np.ndarray) -> np.ndarray:
+        """Which places (m,) are beside a bond to a point or an edge: without bending the cable passes it within its own radius there.
+
+        A place behind a point or a line, as seen from where that was touched, is beside a sharp bend at several segments from it too.
+        """
+        place, spacing, out = at_place(candidates, s), float(np.diff(s).max()), np.zeros(len(candidates.gap), dtype=bool)
+        near = np.where(candidates.gap < -self.radius, BEHIND * spacing, max(spacing, BENT * self.radius)) if self.is_limp else spacing
+        bends = [(bond.surface, bond.s, near + bond.drawn) for bond in self.bonds]
+        if self.is_limp:  # it bends as sharply where it slides
+            bends += [(surface, s, near) for surface, s in zip(self.pushes.surface.tolist(), self.pushes.s.tolist(), strict=True)]
+        for surface, s_bend, room in bends:
+            out |= (candidates.body == surface) & (candidates.feature != FACE) & (np.abs(place - s_bend) < room)
+        return out
+
     def accepted(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
         """With what a step leaves that has settled: bonds, and where the cable is held."""
         return self.anchored(contacts, shape, poses, time).bonded(poses, float(np.diff(shape.s).max()))
 
     def anchored(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
-        """With the cable held where it now rubs, once a step has settled; as it is where no body rubs."""
-        return self if self.laws is None else replace(self, anchors=anchors.anchored(contacts, shape, poses, time))
+        """With the cable held where it now rubs, and nothing drawn through, once a step has settled."""
+        rested = replace(self, bonds=tuple(replace(bond, drawn=0.0) for bond in self.bonds)) if self.bonds else self
+        return rested if self.laws is None else replace(rested, anchors=anchors.anchored(contacts, shape, poses, time))
 
     def bonded(self, poses: np.ndarray, spacing: float) -> Boundary:
         """With every push on a bonding body turned into a bond, where none is near; once a step has settled.
@@ -223,7 +244,11 @@ class Boundary:
                 at[worst + 1] += short[worst]
             else:
                 at[worst] -= short[worst]
-        moved = [replace(bonds[item[2]], s=float(place)) for item, place in zip(fixed, at, strict=True) if item[2] >= 0]
+        moved = [
+            replace(bonds[item[2]], s=float(place), drawn=bonds[item[2]].drawn + abs(float(place) - item[0]))
+            for item, place in zip(fixed, at, strict=True)
+            if item[2] >= 0
+        ]
         return replace(self, bonds=tuple(bond for bond in moved if 0.0 < bond.s < self.length))
 
     def _share_pushes(self, body: np.ndarray, place: np.ndarray, normal: np.ndarray, force: np.ndarray, spacing: float) -> None:
@@ -238,6 +263,36 @@ class Boundary:
             if away[nearest] < 2 * spacing:
                 rubs = self.laws is not None and self.laws.code[body[nearest]] > 0
                 force[nearest] += pushes.force[row] if rubs else np.linalg.norm(pushes.force[row]) * normal[nearest]
+
+
+def at_place(candidates: Candidates, s: np.ndarray) -> np.ndarray:
+    """Arc lengths (m,) [m] of places, from those of the nodes (n,) [m]."""
+    place: np.ndarray = s[candidates.segment] + candidates.fraction * np.diff(s)[candidates.segment]
+    return place
+
+
+def _slid(bond: Bond, shape: Shape, row: int, pose: np.ndarray) -> Bond:
+    """A bond as the shape server left it: a cable without bending slides through one that would pull."""
+    s = float(shape.contact_s[row])
+    bond = replace(bond, s=s, force=shape.contact_forces[row], drawn=bond.drawn + abs(s - bond.s))
+    return replace(bond, normal=_turned(bond, shape, pose))
+
+
+def _turned(bond: Bond, shape: Shape, pose: np.ndarray) -> np.ndarray:
+    """Normal (3,) of a bond, in the body's frame, turned with a cable that bends sharply about a point or an edge.
+
+    It halves the angle between both pieces, t_before - t_after, as long as they are bent away from the body; when they are bent towards it,
+    it is square to both, so that the force along it pulls.
+    """
+    node = int(np.argmin(np.abs(shape.s - bond.s)))
+    if not bond.is_sharp or not 0 < node < len(shape.s) - 1:
+        return bond.normal
+    before, after = (chord / np.linalg.norm(chord) for chord in np.diff(shape.nodes[node - 1 : node + 2], axis=0))
+    normal, bend, along = turn_outside(pose, bond.normal), before - after, before + after
+    square = normal - (normal @ along) / max(float(along @ along), 1e-12) * along
+    turned = square if bend @ normal <= 0.0 else SLIGHT * square + bend
+    size = float(np.linalg.norm(turned))
+    return turn_inside(pose, turned / size) if size > 1e-9 else bond.normal
 
 
 def _axis(shape: Shape, s: np.ndarray) -> np.ndarray:

@@ -17,11 +17,12 @@ from typing import Final
 import numpy as np
 
 from protocol.kinds import Outcome
-from protocol.messages import Bill, Grasps, Problem, Shape, ShapeRequest
+from protocol.messages import Grasps, Problem, Shape, ShapeRequest
 
 from . import remesh
 from .asking import Asker
 from .boundary import Boundary
+from .first_touch import sides, with_first_touches, within
 from .hanging import Hanging, Near, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .self_boundary import meet
 from .stage import Posture, Stage
@@ -35,6 +36,7 @@ HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jump
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
+CHORD: Final = 0.2  # of its radius, that chords of a cable without bending may be off a bonding body that it touches
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 
 
@@ -60,6 +62,9 @@ class Loop:
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
         self._reach = self._reach_links = self._reach_own = REACH_MOST
+        limp = [cable.diameter for cable in stage.scene.cables if cable.bending is None]
+        self._may_bond = bool(limp) and bool(stage.bonding.any())
+        self._tolerance = min(stage.scene.tolerance, 0.5 * CHORD * min(limp)) if limp and stage.scene.bodies else stage.scene.tolerance
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:
@@ -77,23 +82,14 @@ class Loop:
         if before is not None:
             before = self._with_fewer_nodes(before)
         posture, cables, rounds = self._go(step, goal, before, 0)
-        while before is not None and remesh.are_too_coarse([cable.shape for cable in cables], self._stage.scene.tolerance):
+        while before is not None and remesh.are_too_coarse([cable.shape for cable in cables], self._tolerance):
             before = self._with_more_nodes(before, cables)
             reached, again, more = self._go(step, goal, before, 0)
             rounds += more
             if any(cable.shape.outcome is not Outcome.CONVERGED for cable in again):
                 break
             posture, cables = reached, again
-        meter = self._meter
-        bill = Bill(
-            solve=meter.solve,
-            search=meter.search,
-            robot=meter.robot,
-            encode=self._asker.coding - coded,
-            wire=meter.wire,
-            wait=0.0,
-            total=time.perf_counter() - begun,
-        )
+        bill = self._meter.bill(encode=self._asker.coding - coded, total=time.perf_counter() - begun)
         stepped = Stepped(posture, cables, rounds, self._collisions, bill)
         if all(cable.shape.outcome is Outcome.CONVERGED for cable in cables):
             self._now = stepped
@@ -101,9 +97,8 @@ class Loop:
 
     def _with_more_nodes(self, before: Stepped, after: tuple[Hanging, ...]) -> Stepped:
         """The last step, on twice the segments for every cable that is too coarse now."""
-        tolerance = self._stage.scene.tolerance
         cables = [
-            self._on(index, remesh.finer(was.shape), was, before.posture) if remesh.is_too_coarse(now.shape, tolerance) else was
+            self._on(index, remesh.finer(was.shape), was, before.posture) if remesh.is_too_coarse(now.shape, self._tolerance) else was
             for index, (was, now) in enumerate(zip(before.cables, after, strict=True))
         ]
         return replace(before, cables=tuple(cables))
@@ -113,7 +108,7 @@ class Loop:
         scene, posture = self._stage.scene, before.posture
         cables = [
             self._on(index, remesh.coarser(was.shape), was, posture)
-            if remesh.is_too_fine(was.shape, self._stage.grasps(scene.cables[index].name, posture), scene.tolerance)
+            if remesh.is_too_fine(was.shape, self._stage.grasps(scene.cables[index].name, posture), self._tolerance)
             else was
             for index, was in enumerate(before.cables)
         ]
@@ -192,6 +187,14 @@ class Loop:
             cables = done.cables = tuple(hanging)
             if done.is_settled or (done.may_have_passed and not may_jump):
                 break
+            if self._may_bond:
+                if anchor is None:
+                    done.cables = within(done.cables)
+                    break
+                touched = with_first_touches(anchor, cables, grasps, done_at.surfaces, goal.surfaces, self._look)
+                if touched is not None:  # again from where nothing was touched yet
+                    cables = touched
+                    continue
             anchor, done_at = done.cables, goal
         if done.is_settled:
             done.cables = tuple(
@@ -223,7 +226,7 @@ class Loop:
             step=step,
             round=self._round,
             gravity=scene.gravity,
-            tolerance=scene.tolerance,
+            tolerance=self._tolerance,
             problems=problems,
             extrapolate=False,
         )
@@ -255,8 +258,13 @@ class Loop:
             goal.surfaces[: self._stage.body_count],
             0.5 * self._stage.scene.cables[index].diameter,
             self._reach,
-            previous=previous.bodies if previous is not None else None,
+            previous=sides(previous) if previous is not None else None,
         )
+
+    def _look(self, index: int, nodes: np.ndarray, poses: np.ndarray) -> Candidates:
+        """Places on the bodies that a cable on its way touches."""
+        count = self._stage.body_count
+        return self._stage.touch_bodies.search(nodes, poses[:count], 0.5 * self._stage.scene.cables[index].diameter, 0.0)
 
     def _search_links(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
         """Places within reach on the robot's links."""
@@ -295,4 +303,11 @@ class Loop:
     def _fresh(self, index: int) -> Boundary:
         cable = self._stage.scene.cables[index]
         stage = self._stage
-        return Boundary(radius=0.5 * cable.diameter, length=cable.length, bonding=stage.bonding, laws=stage.laws, inclined=stage.inclined)
+        return Boundary(
+            radius=0.5 * cable.diameter,
+            length=cable.length,
+            bonding=stage.bonding,
+            laws=stage.laws,
+            inclined=stage.inclined,
+            is_limp=cable.bending is None,
+        )

@@ -23,6 +23,10 @@ class Meter:
     robot: float = 0.0
     wire: float = 0.0
 
+    def bill(self, *, encode: float, total: float) -> Bill:
+        """For the frame; seconds spent on messages and in all are measured elsewhere."""
+        return Bill(solve=self.solve, search=self.search, robot=self.robot, encode=encode, wire=self.wire, wait=0.0, total=total)
+
 
 @dataclass(frozen=True)
 class Stepped:

@@ -26,7 +26,7 @@ from typing import Final
 
 import numpy as np
 
-from protocol.messages import Contacts, Problem
+from protocol.messages import Contacts, Problem, Start
 
 from .catenary import Piece, hang, hang_elastic
 from .contact_geometry import EDGE
@@ -82,9 +82,14 @@ class Draped:
         return force
 
 
-def slides_of(contacts: Contacts, rows: list[int]) -> Slide:
-    """One contact from its rows, at the one that pushes most."""
+def slides_of(contacts: Contacts, rows: list[int], start: Start | None) -> Slide:
+    """One contact from its rows, at the one that pushes most; if none does, where its normal is most nearly square to the cable."""
     push = np.einsum("ij,ij->i", contacts.force[rows], contacts.normal[rows])
+    if start is not None and not push.any():
+        segment = np.clip(np.searchsorted(start.s, contacts.s[rows]) - 1, 0, len(start.frames) - 1)
+        x, y, z, w = start.frames[segment].T
+        tangents = np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        push = -np.abs(np.einsum("ij,ij->i", tangents, contacts.normal[rows]))
     first = rows[int(np.argmax(push))]
     normal = contacts.normal[first]
     return Slide(

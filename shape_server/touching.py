@@ -1,7 +1,8 @@
 """What a cable without bending touches: which bonds hold, which contacts push, and the shape between them.
 
-A bond is a point that holds the cable; one that would pull it towards its body is dropped, the hardest pulling first. A point or an
-edge without friction is slid over (`draped`); it is taken up where the cable would pass through it, and let go where it would
+A bond is a point that holds the cable. What holds it along the body is friction without limit, but friction needs a push: where a
+bond would pull, the cable slides through it, the way the larger tension draws it, to the first place where it no longer would; where
+there is none before both tensions are the same, it is dropped, the hardest pulling first. A point or an edge without friction is slid over (`draped`); it is taken up where the cable would pass through it, and let go where it would
 pull. Contacts about one point or edge are one contact, whose push the two rows beside the bend share along their own
 normals, as each piece of the cable is pushed where it is tangent to the feature.
 """
@@ -22,6 +23,8 @@ from .hanging import SEGMENTS, Hanging, nothing, pieces_of, too_coarse
 from .mesh import Mesh, even, from_nodes, stops
 
 CHANGES_MAX: Final = 60  # of what holds the cable
+SLIDE_LEAST: Final = 1e-7  # of the length, by which a bond that pulls slides at first; then twice as far
+SLIDE_HALVINGS: Final = 30  # of the last of these steps
 NEAR: Final = 1.5  # distances from a bond within which a point or an edge is what it is bonded to
 
 
@@ -29,7 +32,7 @@ NEAR: Final = 1.5  # distances from a bond within which a point or an edge is wh
 class _Held:
     """What holds a cable besides its grippers, while that is being found out."""
 
-    bonds: list[int]  # rows
+    bonds: dict[int, float]  # m, where each row holds the cable
     sliding: list[Slide]
     open: list[Slide]
     let_go: set[int] = field(default_factory=set)  # first rows of contacts that would have pulled
@@ -46,21 +49,26 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hang
     if not (is_bond | (contacts.friction == FRICTION_CODES.index(Friction.NONE))).all():
         sentence = "a cable without bending is bonded to what it touches or slides without friction; give it 'bending' and 'twist' to rub"
         return nothing(problem, Outcome.UNSUPPORTED, sentence)
-    held = _Held(_separate(problem, is_bond), [], [])
+    held = _Held({row: float(contacts.s[row]) for row in _separate(problem, is_bond)}, [], [])
     groups = grouped(contacts, np.flatnonzero(~is_bond), 1)
-    found = [slides_of(contacts, groups.chosen[own].tolist()) for own in groups.features]
+    found = [slides_of(contacts, groups.chosen[own].tolist(), problem.start) for own in groups.features]
     for slide in found:
         (held.sliding if (contacts.force[slide.rows] != 0.0).any() else held.open).append(slide)
     for _ in range(CHANGES_MAX):
-        draped = drape(_holds(problem, held.bonds), [s for s in held.sliding if not _is_bonded(s, problem, held.bonds)], problem, load)
+        draped = _drape(problem, load, held)
         if isinstance(draped, str):
             return nothing(problem, Outcome.UNREACHABLE, draped)
-        if _let_go(problem, held, draped):
+        if _let_go(problem, load, held, draped):
             continue
         hanging = _shape(problem, load, tolerance, held, draped)
         if not _take_up(problem, held, hanging):
             return _checked(problem, hanging, draped, groups.chosen[groups.faces], tolerance)
     return nothing(problem, Outcome.NOT_CONVERGED, f"its contacts do not settle within {CHANGES_MAX} changes")
+
+
+def _drape(problem: Problem, load: np.ndarray, held: _Held) -> Draped | str:
+    sliding = [slide for slide in held.sliding if not _is_bonded(slide, problem, held.bonds)]
+    return drape(_holds(problem, held.bonds), sliding, problem, load)
 
 
 def _separate(problem: Problem, is_bond: np.ndarray) -> list[int]:
@@ -79,15 +87,15 @@ def _bond_place(contacts: Contacts, row: int) -> np.ndarray:
     return place
 
 
-def _holds(problem: Problem, bonds: list[int]) -> list[Hold]:
+def _holds(problem: Problem, bonds: dict[int, float]) -> list[Hold]:
     grasps, contacts = problem.grasps, problem.contacts
     assert contacts is not None
     holds = [Hold(float(s), place) for s, place in zip(grasps.s, grasps.position, strict=True)]
-    holds += [Hold(float(contacts.s[row]), _bond_place(contacts, row)) for row in bonds]
+    holds += [Hold(s, _bond_place(contacts, row)) for row, s in bonds.items()]
     return sorted(holds, key=lambda hold: hold.s)
 
 
-def _is_bonded(slide: Slide, problem: Problem, bonds: list[int]) -> bool:
+def _is_bonded(slide: Slide, problem: Problem, bonds: dict[int, float]) -> bool:
     """Whether the cable is bonded to that very point or edge."""
     assert problem.contacts is not None
     for row in bonds:
@@ -98,11 +106,11 @@ def _is_bonded(slide: Slide, problem: Problem, bonds: list[int]) -> bool:
     return False
 
 
-def _let_go(problem: Problem, held: _Held, draped: Draped) -> bool:
-    """Drop what pulls hardest; whether anything does."""
+def _let_go(problem: Problem, load: np.ndarray, held: _Held, draped: Draped) -> bool:
+    """Let slide, or drop, what pulls hardest; whether anything does."""
     contacts, worst, pull = problem.contacts, None, 0.0
     assert contacts is not None
-    bonds = {float(contacts.s[row]): row for row in held.bonds}
+    bonds = {s: row for row, s in held.bonds.items()}
     for index, stop in enumerate(draped.stops[1:-1], start=1):
         if isinstance(stop, Slide):
             push = float(draped.push(index) @ stop.normal)
@@ -117,8 +125,42 @@ def _let_go(problem: Problem, held: _Held, draped: Draped) -> bool:
     if isinstance(worst, Slide):
         held.let_go.add(int(worst.rows[0]))
         held.sliding = [slide for slide in held.sliding if slide.rows is not worst.rows]
-    else:
-        held.bonds.remove(bonds[worst.s])
+    elif not _slid(problem, load, held, bonds[worst.s]):
+        del held.bonds[bonds[worst.s]]
+    return True
+
+
+def _slid(problem: Problem, load: np.ndarray, held: _Held, row: int) -> bool:
+    """Let the cable slide through a bond that pulls to where it does not; whether there is such a place before it would stand still."""
+    contacts, start = problem.contacts, held.bonds[row]
+    assert contacts is not None
+
+    def balance(s: float) -> tuple[float, float]:
+        """Push [N], and the difference of the tensions [N] after and before, with the bond at s."""
+        draped = _drape(problem, load, replace(held, bonds=held.bonds | {row: s}))
+        stop = -1 if isinstance(draped, str) else next((i for i, hold in enumerate(draped.stops) if hold.s == s), -1)
+        if isinstance(draped, str) or not 0 < stop < len(draped.stops) - 1:
+            return -np.inf, 0.0
+        drawn = float(draped.pieces[stop].tension[0] - draped.pieces[stop - 1].tension[-1])
+        return float(draped.push(stop) @ contacts.normal[row]), drawn
+
+    way = -float(np.sign(balance(start)[1]))
+    near, far = 0.0, SLIDE_LEAST * problem.cable.length
+    push, drawn = balance(start + way * far)
+    while push < 0.0 and drawn * way < 0.0:
+        near, far = far, 2.0 * far
+        push, drawn = balance(start + way * far)
+    if push < 0.0:  # beyond where it would stand still: there it would push most
+        low = near
+        for _ in range(SLIDE_HALVINGS):
+            middle = 0.5 * (low + far)
+            low, far = (middle, far) if balance(start + way * middle)[1] * way < 0.0 else (low, middle)
+        if balance(start + way * far)[0] < 0.0:
+            return False
+    for _ in range(SLIDE_HALVINGS):
+        middle = 0.5 * (near + far)
+        near, far = (near, middle) if balance(start + way * middle)[0] >= 0.0 else (middle, far)
+    held.bonds[row] = start + way * far
     return True
 
 
@@ -127,14 +169,15 @@ def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, dr
     contacts, grasps = problem.contacts, problem.grasps
     assert contacts is not None
     slides = [(index, stop) for index, stop in enumerate(draped.stops) if isinstance(stop, Slide)]
-    s = np.concatenate([grasps.s, contacts.s[held.bonds], [slide.s for _, slide in slides]])
+    s = np.concatenate([grasps.s, list(held.bonds.values()), [slide.s for _, slide in slides]])
     points = np.vstack([grasps.position, *(_bond_place(contacts, row) for row in held.bonds), *(slide.place for _, slide in slides)])
     for mesh in _meshes(problem):
         hanging = pieces_of(problem, load, _with_nodes_at(mesh, s[len(grasps.s) :]), s, points)
         if hanging.sag <= tolerance:
             break
     forces, places = np.zeros((len(contacts.s), 3)), contacts.s.copy()
-    forces[held.bonds] = hanging.contact_forces[: len(held.bonds)]
+    forces[list(held.bonds)] = hanging.contact_forces[: len(held.bonds)]
+    places[list(held.bonds)] = list(held.bonds.values())
     for index, slide in slides:
         places[slide.rows] = slide.s
         _share(slide, draped, index, contacts, forces)
