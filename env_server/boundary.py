@@ -135,7 +135,9 @@ class Boundary:
         on = np.flatnonzero(size > 0.0)
         first_bond = len(contacts.s) - len(self.bonds)
         bonds = tuple(
-            _slid(bond, shape, first_bond + row, poses[bond.surface]) if self.is_limp else replace(bond, force=shape.contact_forces[first_bond + row])
+            _slid(bond, shape, first_bond + row, poses[bond.surface])
+            if self.is_limp
+            else replace(bond, force=shape.contact_forces[first_bond + row])
             for row, bond in enumerate(self.bonds)
             if size[first_bond + row] > 0.0
         )

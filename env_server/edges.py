@@ -8,9 +8,7 @@ reported too: alone, a point or a finite edge would let the cable slip off to wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -24,8 +22,7 @@ SLIDE: Final = 25e-3  # m along an edge to its end, within which the edges beyon
 NEIGHBOURS: Final = 6  # edges at one vertex that are compared
 
 
-@dataclass(frozen=True)
-class EdgeTable:
+class EdgeTable(NamedTuple):
     """All edges of joined surfaces, by the vertices that they leave."""
 
     ends: np.ndarray  # (e, 2, 3) m, in the frame of the surface
@@ -35,35 +32,6 @@ class EdgeTable:
     vertex: np.ndarray  # (e, 2) int, vertex at the first and the last end
     leaving: np.ndarray  # (.,) int, edges by vertex
     first_leaving: np.ndarray  # (v+1,) row of every vertex in `leaving`
-    goes_on: np.ndarray  # (e, 2) bool, whether another edge leaves the vertex at the first and the last end
-
-    def may_go_on(self, body: np.ndarray, name: np.ndarray, is_vertex: np.ndarray) -> np.ndarray:
-        """Whether `beyond` may find an edge for contacts (m,); quick, for on a smooth surface it finds none."""
-        out = np.zeros(len(body), dtype=bool)
-        vertex = self.first_vertex[body[is_vertex]] + name[is_vertex]
-        out[is_vertex] = self.first_leaving[vertex + 1] > self.first_leaving[vertex]
-        out[~is_vertex] = self.goes_on[self.first_edge[body[~is_vertex]] + name[~is_vertex]].any(axis=1)
-        return out
-
-    def beyond(self, body: int, name: int, is_vertex: bool, point: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-        """Edges that a contact can slide on to, each with the vertex (3,) [m] where it begins.
-
-        Args:
-            body: Index of the surface.
-            name: The vertex or the edge that is touched, numbered as those of the surface.
-            is_vertex: Which of the two.
-            point: (3,) [m] Place of the contact, in the frame of the surface.
-        """
-        if is_vertex:
-            vertices, own = [self.first_vertex[body] + name], -1
-        else:
-            own = self.first_edge[body] + name
-            near = np.linalg.norm(self.ends[own] - point, axis=1) < SLIDE
-            vertices = self.vertex[own][near].tolist()
-        for vertex in vertices:
-            for edge in self.leaving[self.first_leaving[vertex] : self.first_leaving[vertex + 1]].tolist():
-                if edge != own:
-                    yield edge - int(self.first_edge[body]), self.ends[edge, 0 if self.vertex[edge, 0] == vertex else 1]
 
 
 def edge_table(features: Features) -> EdgeTable:
@@ -86,8 +54,7 @@ def edge_table(features: Features) -> EdgeTable:
     margins = edge_margins(ends, vertex) if count else np.zeros((0, 2))
     firsts = (features.first_edge, features.first_vertex)
     vertex = vertex.reshape(2, count).T
-    goes_on = np.diff(first_leaving)[vertex] > is_sharp[:, None]
-    return EdgeTable(ends, margins, *firsts, vertex, order % max(count, 1), first_leaving, goes_on)
+    return EdgeTable(ends, margins, *firsts, vertex, order % max(count, 1), first_leaving)
 
 
 def _is_sharp(features: Features) -> np.ndarray:

@@ -29,7 +29,9 @@ from .distances import (
     turned_back,
 )
 from .pairs import PAIR, measure, report, sorted_along, triple
-from .surface import Features, gather, height, hides
+from .skin import ALL, EDGE_BITS, FACE_BIT, ROOM, VERTEX_BITS, Lists, Tree, gather_listed, renew
+from .surface import Features, height, hides
+from .tree import gather
 
 BLOCK: Final = 8  # segments that share a bounding sphere
 CORE: Final = 1e-9  # m, distance below which the axis touches the surface
@@ -51,9 +53,9 @@ class Piece(NamedTuple):
 
 @kernel
 def find_hits(
-    features: Features, nodes: np.ndarray, poses: np.ndarray, radius: float, limit: float, excluded: np.ndarray, capacity: int
+    features: Features, known: Lists, nodes: np.ndarray, poses: np.ndarray, radius: float, limit: float, excluded: np.ndarray, capacity: int
 ) -> tuple[int, np.ndarray, np.ndarray]:
-    """Search all bodies; a count beyond the capacity says how much room is needed."""
+    """Search all bodies, with lists that are kept up or with `no_lists`; a count beyond the capacity says how much room is needed."""
     count, found, hits, spheres = len(nodes) - 1, 0, np.empty(capacity, PAIR), _bounding_spheres(nodes)
     clearance, local = np.full(count, limit), np.empty((count + 1, 3))
     for body in range(len(poses)):
@@ -70,7 +72,7 @@ def find_hits(
             continue
         if excluded.size > 0:
             in_reach &= ~excluded[:, body]
-        found = _search_body(features, body, local, in_reach, radius, limit, clearance, hits, found)
+        found = _search_body(features, known, body, local, in_reach, radius, limit, clearance, hits, found)
         if found > capacity:
             break
         _to_world(hits, begin, found, axes, origin)
@@ -80,6 +82,7 @@ def find_hits(
 @kernel
 def _search_body(
     features: Features,
+    known: Lists,
     body: int,
     local: np.ndarray,
     in_reach: np.ndarray,
@@ -92,16 +95,29 @@ def _search_body(
     """All pairs between the segments in reach and one body, in its frame."""
     triangles = (features.first_triangle[body], features.first_triangle[body + 1] - features.first_triangle[body])
     boxes, depth = features.boxes[features.first_box[body] : features.first_box[body + 1]], features.depths[body]
-    stack, near, raw, count = np.empty(64, np.int64), np.empty(triangles[1], np.int64), np.empty(len(hits), PAIR), 0
+    stack, near, masks = np.empty(64, np.int64), np.empty(triangles[1], np.int64), np.empty(ROOM, np.int32)
+    tree = Tree(boxes, depth, triangles, near, masks, stack)
+    raw, count = np.empty(len(hits), PAIR), 0
     for segment in range(len(in_reach)):
         if not in_reach[segment]:
             continue
         start, end, begin = row(local, segment), row(local, segment + 1), count
         owns_end = segment + 1 == len(in_reach) or not in_reach[segment + 1]
-        near_count = gather(boxes, depth, start, end, limit, triangles, near, stack)
+        is_listed = renew(known, features, tree, body, segment, start, end, limit)
+        if is_listed:
+            near_count = gather_listed(known, tree, body, segment, start, end, limit)
+        else:
+            near_count = gather(boxes, depth, start, end, limit, triangles, near, stack)
         if near_count == 0:
             continue
-        count = _search_near(features, near[:near_count], Piece(start, end, segment, body, limit, owns_end), raw, count)
+        count = _search_near(
+            features,
+            near[:near_count],
+            masks[: near_count if is_listed else 0],
+            Piece(start, end, segment, body, limit, owns_end),
+            raw,
+            count,
+        )
         if count > len(raw):
             return found + 2 * count
         shortest = limit
@@ -127,13 +143,14 @@ def _search_body(
 
 
 @kernel
-def _search_near(features: Features, near: np.ndarray, piece: Piece, hits: np.ndarray, count: int) -> int:
-    """Pairs of one segment with the features that the triangles `near` look after."""
+def _search_near(features: Features, near: np.ndarray, masks: np.ndarray, piece: Piece, hits: np.ndarray, count: int) -> int:
+    """Pairs of one segment with the features that the triangles `near` look after, those of the masks if there are any."""
     # Calls in this loop cost more than arithmetic: what most triangles fail is tested here.
     planes, own_edges, own_vertices, edge_planes = features.planes, features.own_edges, features.own_vertices, features.edge_planes
     edge_first, vertices, (start, end, limit) = features.edge_first, features.vertices, (piece.start, piece.end, piece.limit)
     vertex_first, vertex_along, slack = features.vertex_first, features.vertex_along, 1e-9 * limit + ROUNDING
-    for triangle in near:
+    for place, triangle in enumerate(near):
+        mask = masks[place] if len(masks) > 0 else ALL
         high_start, high_end = height(planes, triangle, 0, start), height(planes, triangle, 0, end)
         if min(high_start, high_end) >= limit or max(high_start, high_end) <= -limit:
             continue
@@ -141,13 +158,13 @@ def _search_near(features: Features, near: np.ndarray, piece: Piece, hits: np.nd
         ends = (height(planes, triangle, 1, end), height(planes, triangle, 2, end), height(planes, triangle, 3, end))
         if max(starts[0], ends[0]) <= -limit or max(starts[1], ends[1]) <= -limit or max(starts[2], ends[2]) <= -limit:
             continue
-        if min(starts) >= -ROUNDING or min(ends) >= -ROUNDING or high_start * high_end <= 0.0:
+        if mask & FACE_BIT and (min(starts) >= -ROUNDING or min(ends) >= -ROUNDING or high_start * high_end <= 0.0):
             count = _search_face(features, triangle, (high_start, high_end), starts, ends, piece, hits, count)
         for side in range(3):
             edge, vertex = own_edges[triangle, side], own_vertices[triangle, side]
-            if edge >= 0 and enters_cone(start, end, slack, edge_planes, edge_first[edge], edge_first[edge + 1]):
+            if edge >= 0 and mask & EDGE_BITS[side] and enters_cone(start, end, slack, edge_planes, edge_first[edge], edge_first[edge + 1]):
                 count = _search_edge(features, edge, triangle, piece, hits, count)
-            if vertex >= 0:
+            if vertex >= 0 and mask & VERTEX_BITS[side]:
                 point = row(vertices, vertex)
                 fraction = point_segment(point, start, end)
                 away = minus(ahead(start, minus(end, start), fraction), point)

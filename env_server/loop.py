@@ -116,10 +116,9 @@ class Loop:
 
     def _on(self, index: int, shape: Shape, was: Hanging, posture: Posture) -> Hanging:
         """A cable on other nodes, with what is near it there."""
-        begun = time.perf_counter()
-        remeshed = Hanging(shape, was.boundary, *self._search(index, shape, posture, None))
+        begun, found = time.perf_counter(), self._search(index, shape, posture, None)
         self._meter.search += time.perf_counter() - begun
-        return remeshed
+        return Hanging(shape, was.boundary, *found)
 
     def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, tuple[Hanging, ...], int]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
@@ -258,6 +257,7 @@ class Loop:
             goal.surfaces[: self._stage.body_count],
             0.5 * self._stage.scene.cables[index].diameter,
             self._reach,
+            cable=index,
             previous=sides(previous) if previous is not None else None,
         )
 
@@ -274,6 +274,7 @@ class Loop:
             goal.surfaces[self._stage.body_count :],
             0.5 * cable.diameter,
             self._reach_links,
+            cable=index,
             excluded=self._stage.excluded(cable.name, shape.s),
             previous=previous.links if previous is not None else None,
         )

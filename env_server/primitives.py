@@ -58,14 +58,22 @@ class Primitives:
         self._touch = Touch([Surface(meshes[index].vertices, meshes[index].triangles) for index in self._meshes])
 
     def search(
-        self, nodes: np.ndarray, poses: np.ndarray, radius: float, reach: float, *, previous: Candidates | None = None
+        self,
+        nodes: np.ndarray,
+        poses: np.ndarray,
+        radius: float,
+        reach: float,
+        *,
+        cable: int | None = None,
+        previous: Candidates | None = None,
     ) -> Candidates:
         """Every place of contact with a gap below `reach`; arguments as for `Touch.search`.
 
         Raises:
             SceneError: If the cable has come to an end of a cylinder.
         """
-        on_meshes = self._touch.search(nodes, poses[self._meshes], radius, reach, previous=_renumbered(previous, self._meshes))
+        before = _renumbered(previous, self._meshes)
+        on_meshes = self._touch.search(nodes, poses[self._meshes], radius, reach, cable=cable, previous=before)
         hits, near, ends = find_round_hits(
             np.ascontiguousarray(nodes), poses[self._exact], self._kinds, self._halves, self._radii, radius + reach
         )

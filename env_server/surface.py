@@ -13,8 +13,7 @@ the size of the triangles. Each remaining edge and vertex is looked after by one
 visits triangles meets it once (Curtis, Tamstorf and Manocha 2008, "Fast collision detection for deformable models using
 representative-triangles").
 
-Triangles are sorted into a complete binary tree of bounding boxes, split at the median of the longest side. Node i has
-the children 2i+1 and 2i+2, and leaf j of 2^depth holds the triangles from j t >> depth to (j+1) t >> depth: no pointers.
+Triangles are sorted into a tree of bounding boxes (tree.py).
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ import numpy as np
 from protocol.errors import SceneError
 
 from .distances import ROUNDING, Triple, ahead, dot, kernel, minus
+from .tree import grown
 
-LEAF_SIZE: Final = 4  # triangles in a leaf of the tree, at most
 FLAT: Final = 1e-6  # rad, an edge with a smaller dihedral angle is part of its faces
 SLIVER: Final = 1e-9  # height over length below which a triangle counts as having no area
 SKIN: Final = 1e-6  # part of a line of sight next to the point looked at that nothing can cut
@@ -82,7 +81,7 @@ class Surface:
         if kept.size == 0:
             raise SceneError(f"surface: none of its {len(triangles)} triangles has an area; give one that does")
         corners = vertices[triangles[kept]]  # (t, 3, 3)
-        order, boxes, depth = _tree(corners.min(axis=1), corners.max(axis=1))
+        order, boxes, depth = grown(corners.min(axis=1), corners.max(axis=1))
         kept = kept[order]
         object.__setattr__(self, "features", _features(vertices, triangles[kept], kept, boxes, depth))
 
@@ -114,35 +113,6 @@ def height(planes: np.ndarray, triangle: int, side: int, point: Triple) -> float
     """Signed distance in m of a point from plane `side` of a triangle: 0 the triangle's own, then its three sides'."""
     a = (planes[triangle, side, 0], planes[triangle, side, 1], planes[triangle, side, 2])
     return float(dot(a, point) - planes[triangle, side, 3])
-
-
-@kernel
-def gather(
-    boxes: np.ndarray, depth: int, start: Triple, end: Triple, limit: float, triangles: tuple[int, int], near: np.ndarray, stack: np.ndarray
-) -> int:
-    """Write the triangles of all leaves closer than `limit` to a segment into `near` (t,); return how many.
-
-    `boxes` is the tree of one surface, `triangles` the number of its first triangle and their count, `stack` (64,) room to work.
-    """
-    stack[0], waiting, found, leaf_count = 0, 1, 0, 1 << depth
-    low = (min(start[0], end[0]) - limit, min(start[1], end[1]) - limit, min(start[2], end[2]) - limit)
-    high = (max(start[0], end[0]) + limit, max(start[1], end[1]) + limit, max(start[2], end[2]) + limit)
-    while waiting > 0:
-        waiting -= 1
-        node = stack[waiting]
-        if boxes[node, 0] > high[0] or boxes[node, 1] > high[1] or boxes[node, 2] > high[2]:
-            continue
-        if boxes[node, 3] < low[0] or boxes[node, 4] < low[1] or boxes[node, 5] < low[2]:
-            continue
-        if node < leaf_count - 1:
-            stack[waiting], stack[waiting + 1] = 2 * node + 1, 2 * node + 2
-            waiting += 2
-            continue
-        leaf = node - leaf_count + 1
-        for triangle in range((leaf * triangles[1]) >> depth, ((leaf + 1) * triangles[1]) >> depth):
-            near[found] = triangles[0] + triangle
-            found += 1
-    return found
 
 
 @kernel
@@ -193,33 +163,6 @@ def _with_area(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     is_new = np.ones(len(solid), dtype=bool)
     is_new[1:] = (np.diff(named[order], axis=0) != 0).any(axis=1)
     return np.sort(solid[order[is_new]])
-
-
-def _tree(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Sort boxes (t, 3) into a tree: their order, the boxes of its nodes (., 6), and its depth."""
-    count = len(low)
-    depth = max(0, int(np.ceil(np.log2(count / LEAF_SIZE))))
-    order, middles = np.arange(count), low + high
-    for level in range(depth):
-        first = _group_starts(count, level)
-        group = np.repeat(np.arange(2**level), np.diff(first, append=count))
-        here = middles[order]
-        least, most = np.minimum.reduceat(here, first), np.maximum.reduceat(here, first)
-        axis = np.argmax(most - least, axis=1)
-        start = least[np.arange(2**level), axis]
-        extent = np.maximum((most - least).max(axis=1), 1e-300)
-        within = (here[np.arange(count), axis[group]] - start[group]) / extent[group]
-        order = order[np.argsort(group + 0.5 * within, kind="stable")]
-    first = _group_starts(count, depth)
-    levels = [np.hstack([np.minimum.reduceat(low[order], first), np.maximum.reduceat(high[order], first)])]
-    while len(levels[0]) > 1:
-        left, right = levels[0][::2], levels[0][1::2]
-        levels.insert(0, np.hstack([np.minimum(left[:, :3], right[:, :3]), np.maximum(left[:, 3:], right[:, 3:])]))
-    return order, np.vstack(levels), depth
-
-
-def _group_starts(count: int, level: int) -> np.ndarray:
-    return (np.arange(2**level) * count) >> level
 
 
 def _features(vertices: np.ndarray, triangles: np.ndarray, ids: np.ndarray, boxes: np.ndarray, depth: int) -> Features:

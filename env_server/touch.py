@@ -31,12 +31,23 @@ import numpy as np
 from protocol.errors import SceneError
 
 from . import edges
-from .hits import EDGE, FACE, VERTEX, find_hits
+from .beyond import add_edges_beyond, extents
+from .hits import FACE, find_hits
 from .pairs import PAIR
-from .poses import turn_inside, turn_outside
+from .skin import Lists, lists, no_lists
 from .surface import Surface, join
 
-COMPILED: Final = ("hits", "pairs", "distances", "surface", "round_hits")  # files with what numba compiles of the search
+COMPILED: Final = (
+    "hits",
+    "pairs",
+    "distances",
+    "surface",
+    "tree",
+    "skin",
+    "beyond",
+    "edges",
+    "round_hits",
+)  # files with what numba compiles of the search
 STAMP: Final = "search.stamp"  # beside numba's cache: what the code in it was compiled from
 NEIGHBOURHOOD: Final = 1.5  # segments along the cable within which a previous normal still holds
 
@@ -75,12 +86,14 @@ class Touch:
         surfaces: One for each body; the index in this sequence is the `body` of the candidates.
     """
 
-    __slots__ = ("_edges", "_features", "body_count")
+    __slots__ = ("_edges", "_features", "_listed", "_unlisted", "body_count")
 
     def __init__(self, surfaces: Sequence[Surface]) -> None:
         self.body_count: Final = len(surfaces)
         self._features: Final = join(surfaces or [_tetrahedron()])
         self._edges: Final = edges.edge_table(self._features)
+        self._unlisted: Final = no_lists()
+        self._listed: Final[dict[int, Lists]] = {}
 
     def search(
         self,
@@ -89,6 +102,7 @@ class Touch:
         radius: float,
         reach: float,
         *,
+        cable: int | None = None,
         excluded: np.ndarray | None = None,
         previous: Candidates | None = None,
     ) -> Candidates:
@@ -99,6 +113,7 @@ class Touch:
             poses: (b, 7) [m, -] Position and quaternion of every surface.
             radius: [m] Of the cable.
             reach: [m] Largest gap that is reported.
+            cable: Which cable this is, for whom to remember what is near; that makes the next search quicker and changes no result.
             excluded: (n-1, b) True where a segment may pass through a body, as near a gripper that holds it. A node
                 is left out only with both of its segments.
             previous: Candidates of the last step, whose normals are kept where the axis crosses a surface.
@@ -110,59 +125,35 @@ class Touch:
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         mask = np.zeros((0, 0), np.bool_) if excluded is None else np.ascontiguousarray(excluded, dtype=np.bool_)
         self._check(nodes, poses, radius, reach, excluded)
-        capacity = 64 + 8 * len(nodes)
+        known, capacity = self._lists(cable, len(nodes) - 1), 64 + 8 * len(nodes)
         while True:
-            count, hits, clearance = find_hits(self._features, nodes, poses, radius, radius + reach, mask, capacity)
+            count, hits, clearance = find_hits(self._features, known, nodes, poses, radius, radius + reach, mask, capacity)
             if count <= capacity:
                 break
             capacity = 2 * count
         if not count:
             return _candidates(hits[:0], 0, clearance, radius, np.zeros((0, 2)))
-        hits = self._with_edges(hits[:count], poses, radius + edges.CLOSE)
+        hits = self._with_edges(hits, count, poses, radius + edges.CLOSE)
         if previous is not None:
             keep_normals(hits, previous)
-        return _candidates(hits, count, clearance, radius, self._extents(hits, poses))
+        return _candidates(hits, count, clearance, radius, extents(self._edges, hits, poses))
 
-    def _with_edges(self, hits: np.ndarray, poses: np.ndarray, close: float) -> np.ndarray:
-        """The pairs, and for those nearly touching, a pair for every edge that a contact could slide on to.
+    def _lists(self, cable: int | None, segments: int) -> Lists:
+        """The lists of a cable, new ones if it has other segments than before."""
+        if cable is None:
+            return self._unlisted
+        known = self._listed.get(cable)
+        if known is None or known.counts.shape[1] != segments:
+            known = self._listed[cable] = lists(self.body_count, segments)
+        return known
 
-        Such an edge leaves the vertex that is touched, or an end of the edge that is touched within `edges.SLIDE` of the place.
-        """
-        near = hits[(hits["feature"] != FACE) & (hits["is_crossing"] == 0) & (hits["distance"] < close)]
-        near = near[self._edges.may_go_on(near["body"], near["feature_id"], near["feature"] == VERTEX)]
-        if not len(near):
-            return hits
-        found = hits[hits["feature"] == EDGE]
-        more, known = [], set(zip(*(found[name].tolist() for name in ("segment", "body", "feature_id")), strict=True))
-        for hit in near:
-            pose = poses[hit["body"]]
-            start = turn_inside(pose, hit["point"] - pose[:3])
-            for edge, vertex in self._edges.beyond(int(hit["body"]), int(hit["feature_id"]), hit["feature"] == VERTEX, start):
-                key = (hit["segment"], hit["body"], edge)
-                if key in known:
-                    continue
-                known.add(key)
-                copy = hit.copy()
-                low, high = self._edges.ends[self._features.first_edge[hit["body"]] + edge]
-                copy["feature"], copy["feature_id"] = EDGE, edge
-                copy["point"] = pose[:3] + turn_outside(pose, vertex)
-                copy["direction"] = turn_outside(pose, (high - low) / np.linalg.norm(high - low))
-                more.append(copy)
-        return np.concatenate([hits, np.array(more, dtype=PAIR)]) if more else hits
-
-    def _extents(self, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """How far the edges of the pairs go on from their points (m, 2) [m]."""
-        extent = np.zeros((len(hits), 2))
-        rows = np.flatnonzero(hits["feature"] == EDGE)
-        if len(rows):
-            edge = self._features.first_edge[hits["body"][rows]] + hits["feature_id"][rows]
-            start, pose = self._edges.ends[edge, 0], poses[hits["body"][rows]]
-            start = pose[:, :3] + _rotated(pose, start)
-            size = np.linalg.norm(self._edges.ends[edge, 1] - self._edges.ends[edge, 0], axis=1)
-            back = np.einsum("ij,ij->i", start - hits["point"][rows], hits["direction"][rows])
-            extent[rows, 0] = back - self._edges.margins[edge, 0]
-            extent[rows, 1] = back + size + self._edges.margins[edge, 1]
-        return extent
+    def _with_edges(self, hits: np.ndarray, found: int, poses: np.ndarray, close: float) -> np.ndarray:
+        """The first pairs, and for those nearly touching, a pair for every edge that a contact could slide on to."""
+        total = add_edges_beyond(self._edges, hits, found, poses, close)
+        if total > len(hits):
+            hits = np.concatenate([hits[:found], np.empty(total - found, dtype=PAIR)])
+            total = add_edges_beyond(self._edges, hits, found, poses, close)
+        return hits[:total]
 
     def _check(self, nodes: np.ndarray, poses: np.ndarray, radius: float, reach: float, excluded: np.ndarray | None) -> None:
         if nodes.ndim != 2 or nodes.shape[1] != 3 or len(nodes) < 2:
@@ -177,20 +168,6 @@ class Touch:
         # A zero quaternion would put the body nowhere, and its contacts would vanish without a word.
         if not (np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]) > 0.5).all():
             raise SceneError("poses: every quaternion must have length 1", key="poses")
-
-
-def _rotated(poses: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (m, 3) of bodies, turned into the world by their poses (m, 7)."""
-    turn = 2.0 * _cross(poses[:, 3:6], vectors)
-    turned: np.ndarray = vectors + poses[:, 6:] * turn + _cross(poses[:, 3:6], turn)
-    return turned
-
-
-def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Vector products (m, 3); for a few rows np.cross is five times as slow."""
-    after, before = [1, 2, 0], [2, 0, 1]
-    product: np.ndarray = first[:, after] * second[:, before] - first[:, before] * second[:, after]
-    return product
 
 
 def warm_up() -> None:

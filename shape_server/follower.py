@@ -121,9 +121,13 @@ class Follower:
         contacts, nodes = self._problem.contacts, found.seen.nodes
         assert contacts is not None
         contact, pushed = self._rod.touch.contact, self._state.push > 0.0
-        gone = np.setdiff1d(contact[pushed], contact[found.state.push > 0.0])
-        directions = kernels.look(self._rod, self._state, self._rod.touch.normal)[1].push if len(gone) else np.zeros(0)
-        for k in gone[contacts.feature[gone] != FACE]:
+        gone = set(contact[pushed].tolist()).difference(contact[found.state.push > 0.0].tolist())
+        if not gone:
+            return False
+        directions = kernels.look(self._rod, self._state, self._rod.touch.normal)[1].push
+        for k in sorted(gone):
+            if contacts.feature[k] == FACE:
+                continue
             along, arms = contacts.direction[k], nodes - contacts.point[k]
             flat = arms - np.outer(arms @ along, along)
             sides = np.diff(flat, axis=0)
@@ -140,8 +144,10 @@ class Follower:
         """Let the rows of edges and vertices go along with the place where they are touched, one segment at a time."""
         contacts, mesh = self._problem.contacts, self._mesh
         assert contacts is not None
+        if not self._slides:
+            return
         s = np.where(contacts.feature == FACE, contacts.s, contact_places(self._problem, self._system, found))
-        if (mesh.locate(s)[0] != mesh.locate(contacts.s)[0]).any():
+        if (mesh.locate(s)[0] != self._segments).any():
             self.touch(msgspec.structs.replace(contacts, s=s, force=read(self._problem, self._system, found, kernels).contact_forces))
 
     def touch(self, contacts: Contacts | None) -> None:
@@ -190,6 +196,9 @@ class Follower:
         self._held = (rows, along, framed, system.base)
         ends = [mesh.s[node] for node in (0, -1) if rod.clamp_of_node[node] >= 0]
         self._between = (np.sort(np.append(0.5 * (mesh.s[1:] + mesh.s[:-1]), ends)), 0.5 * (finer.s[1:] + finer.s[:-1]))
+        contacts = problem.contacts
+        self._slides = contacts is not None and bool((contacts.feature != FACE).any())
+        self._segments = mesh.locate(contacts.s)[0] if contacts is not None else np.zeros(0, dtype=np.int64)  # of every contact
         self._clamped = _Clamped(rod, self._finer, state, self._between) if is_clamped(problem) else None
 
 

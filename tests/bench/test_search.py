@@ -9,6 +9,7 @@ each segment, a capsule, so theirs is the lighter question. CPU time, the median
 
 from __future__ import annotations
 
+import importlib.util
 import statistics
 import tempfile
 import time
@@ -30,7 +31,9 @@ pytestmark = [pytest.mark.bench, pytest.mark.timeout(600), pytest.mark.filterwar
 RADIUS, REACH = 0.0045, 0.006  # m
 AT_REST = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
 CASES = [(100, 40_000, 0.3), (400, 240_000, 1.5)]  # segments, triangles, ms asked for
-SPARE = 4.0  # how much longer it may take beside neighbours on the machine; 0.25 to 0.34 and 1.0 to 3.1 ms were measured beside ten
+AGAIN = 0.15  # ms asked for of a search with lists that stay valid
+MOTION = 2e-5  # m between two searches; lists are made anew once in hundreds of them
+SPARE_AGAIN = {100: 1.0, 400: 5.0}  # where it falls short: 0.31 to 0.51 ms were measured for 400 segments with other work on the machine
 Mesh = tuple[np.ndarray, np.ndarray]
 
 
@@ -115,8 +118,16 @@ def test_a_search_is_as_quick_as_promised(segments: int, triangles: int, target:
     nodes = lowered(touch, mesh, segments)
     found = touch.search(nodes, AT_REST, RADIUS, REACH)
     ours = median(lambda number: touch.search(nodes + 1e-6 * number, AT_REST, RADIUS, REACH))
+    again = median(lambda number: touch.search(nodes + MOTION * np.sin(number), AT_REST, RADIUS, REACH, cable=0))
+    far = median(lambda number: touch.search(nodes + 0.01 * (number % 2), AT_REST, RADIUS, REACH, cable=1))
     print(f"\n{segments} segments, {len(mesh[1])} triangles, {len(found.gap)} places within {1e3 * REACH:g} mm")  # noqa: T201
     print(f"  search                     {ours:8.3f} ms, asked for {target:g}")  # noqa: T201
-    print(f"  PyBullet, closest points   {median(pybullets(mesh, nodes), 5):8.3f} ms")  # noqa: T201
-    assert ours < SPARE * target
-    print(f"  coal, distance             {median(coals(mesh, nodes), 5):8.3f} ms")  # noqa: T201
+    print(f"  with lists that are valid  {again:8.3f} ms, asked for {AGAIN:g}")  # noqa: T201
+    print(f"  with lists made anew       {far:8.3f} ms")  # noqa: T201
+    for name, theirs in (("PyBullet, closest points", pybullets), ("coal, distance", coals)):
+        if name.startswith("coal") and importlib.util.find_spec("coal") is None:
+            continue
+        took = median(theirs(mesh, nodes), 5)
+        print(f"  {name:<26} {took:8.3f} ms, {took / ours:.1f} times as long as the search, {took / again:.1f} as with lists")  # noqa: T201
+    assert ours < target
+    assert again < SPARE_AGAIN[segments] * AGAIN

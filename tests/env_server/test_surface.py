@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from env_server.surface import Surface, gather, join
+from env_server.surface import Surface, join
+from env_server.tree import gather
 from protocol.errors import SceneError
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])

@@ -1,0 +1,93 @@
+"""The kernels for edges beyond the one that is touched, see `edges`: pairs that a contact could slide on to, and how far edges go on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .distances import kernel, length, minus, rotation, row, turned, turned_back
+from .edges import SLIDE, EdgeTable
+from .hits import EDGE, FACE, VERTEX
+from .pairs import triple
+
+
+@kernel
+def add_edges_beyond(table: EdgeTable, hits: np.ndarray, found: int, poses: np.ndarray, close: float) -> int:
+    """Write a pair for every edge that leaves a vertex touched, or an end of the edge touched within `SLIDE` of the place.
+
+    Args:
+        table: Edges of all surfaces.
+        hits: Pairs; the first `found` are given, by body and along the cable, and there may be room for more.
+        found: How many.
+        poses: (b, 7) of the surfaces.
+        close: [m] Distance of pairs that nearly touch; the others are left alone.
+
+    Returns:
+        How many pairs there are now; beyond the length of `hits`, how much room is needed at most.
+    """
+    total = found
+    for touched in range(found):
+        if hits[touched].feature == FACE or hits[touched].is_crossing != 0 or hits[touched].distance >= close:
+            continue
+        is_vertex, name, body = hits[touched].feature == VERTEX, hits[touched].feature_id, hits[touched].body
+        own = -1 if is_vertex else table.first_edge[body] + name
+        place = turned_back(rotation(poses[body]), minus(triple(hits[touched].point), row(poses, body)))
+        for end in range(1 if is_vertex else 2):
+            if not is_vertex and length(minus(row(table.ends[own], end), place)) >= SLIDE:
+                continue
+            vertex = table.first_vertex[body] + name if is_vertex else table.vertex[own, end]
+            for edge in table.leaving[table.first_leaving[vertex] : table.first_leaving[vertex + 1]]:
+                if edge == own or _is_known(hits, found, min(total, len(hits)), touched, edge - table.first_edge[body]):
+                    continue
+                if total < len(hits):
+                    hits[total] = hits[touched]
+                    _put_on_edge(table, hits, total, edge, 0 if table.vertex[edge, 0] == vertex else 1, poses)
+                total += 1
+    return total
+
+
+@kernel
+def _put_on_edge(table: EdgeTable, hits: np.ndarray, pair: int, edge: int, end: int, poses: np.ndarray) -> None:
+    """Move a pair to an end of an edge of the same surface."""
+    body = hits[pair].body
+    axes, low, high = rotation(poses[body]), row(table.ends[edge], 0), row(table.ends[edge], 1)
+    along, size = minus(high, low), length(minus(high, low))
+    point = turned(axes, low if end == 0 else high)
+    hits[pair].feature, hits[pair].feature_id = EDGE, edge - table.first_edge[body]
+    hits[pair].point[0], hits[pair].point[1], hits[pair].point[2] = (
+        poses[body, 0] + point[0],
+        poses[body, 1] + point[1],
+        poses[body, 2] + point[2],
+    )
+    hits[pair].direction[0], hits[pair].direction[1], hits[pair].direction[2] = turned(
+        axes, (along[0] / size, along[1] / size, along[2] / size)
+    )
+
+
+@kernel
+def _is_known(hits: np.ndarray, found: int, total: int, touched: int, name: int) -> bool:
+    """Does the segment of a pair have one with that edge already? Pairs are in order, so that only its neighbours are looked at."""
+    segment, body = hits[touched].segment, hits[touched].body
+    for first, last, step in ((touched, -1, -1), (touched, found, 1), (total - 1, found - 1, -1)):
+        for other in range(first, last, step):
+            if hits[other].body != body or abs(hits[other].segment - segment) > 1:
+                break
+            if hits[other].segment == segment and hits[other].feature == EDGE and hits[other].feature_id == name:
+                return True
+    return False
+
+
+@kernel
+def extents(table: EdgeTable, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """How far the edges of pairs go on from their points, back and ahead (m, 2) [m]; zero for other features."""
+    out = np.zeros((len(hits), 2))
+    for pair in range(len(hits)):
+        if hits[pair].feature == EDGE:
+            body = hits[pair].body
+            edge = table.first_edge[body] + hits[pair].feature_id
+            axes, low, high = rotation(poses[body]), row(table.ends[edge], 0), row(table.ends[edge], 1)
+            apart = minus(turned(axes, low), minus(triple(hits[pair].point), row(poses, body)))
+            direction = triple(hits[pair].direction)
+            back = apart[0] * direction[0] + apart[1] * direction[1] + apart[2] * direction[2]
+            out[pair, 0] = back - table.margins[edge, 0]
+            out[pair, 1] = back + length(minus(high, low)) + table.margins[edge, 1]
+    return out
