@@ -22,6 +22,7 @@ from protocol.messages import Contacts, Grasps, Shape
 
 from . import anchors
 from .hits import FACE
+from .polyline import points_at
 from .poses import inside, outside, turn_inside, turn_outside
 from .touch import Candidates
 
@@ -147,9 +148,9 @@ class Boundary:
         where = shape.contact_s[on]
         if contacts.rubbing is not None:
             rubs = np.isin(on, contacts.rubbing.contact)
-            normal[rubs] = anchors.surface_normals(contacts, on[rubs], _axis(shape, where[rubs]))
+            normal[rubs] = anchors.surface_normals(contacts, on[rubs], points_at(shape, where[rubs]))
         bulge = float(shape.curvature.max()) * float(np.diff(shape.s).max()) ** 2 / 8
-        pushes = Pushes(contacts.body[on], where, normal, force, _axis(shape, where) - self.radius * normal, is_bond, bulge)
+        pushes = Pushes(contacts.body[on], where, normal, force, points_at(shape, where) - self.radius * normal, is_bond, bulge)
         return replace(self, bonds=bonds, pushes=pushes)
 
     def is_settled(self, candidates: Candidates, s: np.ndarray) -> bool:
@@ -295,11 +296,3 @@ def _turned(bond: Bond, shape: Shape, pose: np.ndarray) -> np.ndarray:
     turned = square if bend @ normal <= 0.0 else SLIGHT * square + bend
     size = float(np.linalg.norm(turned))
     return turn_inside(pose, turned / size) if size > 1e-9 else bond.normal
-
-
-def _axis(shape: Shape, s: np.ndarray) -> np.ndarray:
-    """Points (p, 3) of the axis at arc lengths s (p,)."""
-    segment = np.clip(np.searchsorted(shape.s, s, side="right") - 1, 0, len(shape.s) - 2)
-    fraction = (s - shape.s[segment]) / (shape.s[segment + 1] - shape.s[segment])
-    points: np.ndarray = shape.nodes[segment] + fraction[:, None] * (shape.nodes[segment + 1] - shape.nodes[segment])
-    return points

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,7 +21,6 @@ from protocol.messages import Grasps, Problem, Shape, ShapeRequest
 
 from . import remesh
 from .asking import Asker
-from .boundary import Boundary
 from .first_touch import sides, with_first_touches, within
 from .hanging import Hanging, Near, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .self_boundary import meet
@@ -48,7 +47,6 @@ class _Try:
     rounds: int = 0
     is_settled: bool = False
     may_have_passed: bool = False
-    shapes: tuple[Shape, ...] = field(default=())
 
 
 class Loop:
@@ -164,7 +162,7 @@ class Loop:
             has_moved_robot = True
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):
                 done.cables = tuple(
-                    replace(was, shape=shape) if was is not None else nowhere(shape, self._fresh(index))
+                    replace(was, shape=shape) if was is not None else nowhere(shape, self._stage.unbound(index))
                     for index, (was, shape) in enumerate(zip(cables, shapes, strict=True))
                 )
                 return done
@@ -172,7 +170,7 @@ class Loop:
             hanging = []
             done.is_settled = True
             for index, (was, shape, contact) in enumerate(zip(cables, shapes, contacts, strict=True)):
-                boundary = (was.boundary if was is not None else self._fresh(index)).after(contact, shape, goal.surfaces)
+                boundary = (was.boundary if was is not None else self._stage.unbound(index)).after(contact, shape, goal.surfaces)
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
                 done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
                 done.is_settled &= now.own is None or now.own.is_settled(problems[index].self_contacts, shape)
@@ -300,15 +298,3 @@ class Loop:
         shape = part_way(was.shape, now.shape, max(0.8 * share, least_share(was, now.shape, LEAST_SHARE)), grasps)
         self._reach = REACH_MOST
         return Hanging(shape, now.boundary, *self._search(index, shape, goal, was))
-
-    def _fresh(self, index: int) -> Boundary:
-        cable = self._stage.scene.cables[index]
-        stage = self._stage
-        return Boundary(
-            radius=0.5 * cable.diameter,
-            length=cable.length,
-            bonding=stage.bonding,
-            laws=stage.laws,
-            inclined=stage.inclined,
-            is_limp=cable.bending is None,
-        )

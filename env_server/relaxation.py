@@ -36,12 +36,12 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from protocol.messages import Shape
 from protocol.scene import Relaxation
 
 from .boundary import NO_PUSHES
 from .hanging import Hanging
 from .motion import quintic
+from .polyline import points_at
 from .poses import moves
 from .remesh import blended
 from .stage import Posture, Stage
@@ -76,7 +76,7 @@ def has_snapped(stage: Stage, before: Stepped, after: Stepped, index: int) -> bo
     """Whether a cable went much further than what drives it."""
     cable = stage.scene.cables[index]
     was, now = before.cables[index].shape, after.cables[index].shape
-    far = float(np.linalg.norm(now.nodes - _at(was, now.s), axis=1).max())
+    far = float(np.linalg.norm(now.nodes - points_at(was, now.s), axis=1).max())
     if far < NOTICED * cable.length:
         return False
     first, last = before.posture, after.posture
@@ -120,7 +120,7 @@ def restoration_time(nodes: np.ndarray, axis: tuple[np.ndarray, np.ndarray], gra
 def _estimated(stage: Stage, before: Stepped, after: Stepped, index: int, given: Relaxation) -> float:
     cable, shape = stage.scene.cables[index], after.cables[index].shape
     held = after.posture.positions[stage.holders(cable.name)]
-    amplitude = float(np.linalg.norm(shape.nodes - _at(before.cables[index].shape, shape.s), axis=1).max())
+    amplitude = float(np.linalg.norm(shape.nodes - points_at(before.cables[index].shape, shape.s), axis=1).max())
     drag = 2.0 / (3.0 * math.pi) * AIR * DRAG * cable.diameter / max(cable.mass_per_length, 1e-9)
     gravity = max(float(np.linalg.norm(stage.scene.gravity)), 1e-3)
     once = restoration_time(shape.nodes, (held[0], held[-1]), gravity, drag * amplitude)
@@ -146,7 +146,7 @@ def _on_the_way(stage: Stage, index: int, posture: Posture, was: Hanging, now: H
     middle = np.searchsorted(first.s, 0.5 * (last.s[1:] + last.s[:-1])) - 1
     shape = msgspec.structs.replace(
         last,
-        nodes=(1.0 - share) * _at(first, last.s) + share * last.nodes,
+        nodes=(1.0 - share) * points_at(first, last.s) + share * last.nodes,
         frames=blended(first.frames[middle], last.frames, share),
         contact_forces=np.zeros((0, 3)),
         contact_moments=np.zeros((0, 3)),
@@ -164,8 +164,3 @@ def _on_the_way(stage: Stage, index: int, posture: Posture, was: Hanging, now: H
     excluded = stage.excluded(stage.scene.cables[index].name, shape.s)
     links = stage.touch_links.search(shape.nodes, posture.surfaces[count:], radius, radius, excluded=excluded)
     return Hanging(shape, replace(now.boundary, pushes=NO_PUSHES), bodies, links)
-
-
-def _at(shape: Shape, s: np.ndarray) -> np.ndarray:
-    """Places (n, 3) [m] of a polyline at arc lengths s (n,) [m]."""
-    return np.column_stack([np.interp(s, shape.s, column) for column in shape.nodes.T])

@@ -21,6 +21,7 @@ from protocol.messages import Grasps, Solid
 from protocol.scene import Gripper, Scene
 
 from .anchors import laws_of
+from .boundary import Boundary
 from .meshes import Mesh, load_body, place_clips
 from .motion import Path, cable_frames
 from .robot import Robot
@@ -140,6 +141,12 @@ class Stage:
         """Indices of the grippers that hold a cable, in the order of growing arc length."""
         grippers = self.scene.grippers
         return sorted((row for row in range(len(grippers)) if grippers[row].cable == cable), key=lambda row: grippers[row].at)
+
+    def unbound(self, index: int) -> Boundary:
+        """The boundary conditions of a cable that has not touched anything yet."""
+        cable = self.scene.cables[index]
+        radius, is_limp = 0.5 * cable.diameter, cable.bending is None
+        return Boundary(radius, cable.length, self.bonding, laws=self.laws, inclined=self.inclined, is_limp=is_limp)
 
     def excluded(self, cable: str, s: np.ndarray) -> np.ndarray:
         """Segments (n-1, links) of a cable that may touch a link: those beside a gripper, for the hand that holds it."""
