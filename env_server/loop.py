@@ -35,7 +35,6 @@ HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jump
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
-CHORD: Final = 0.2  # of its radius, that chords of a cable without bending may be off a bonding body that it touches
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 
 
@@ -60,9 +59,6 @@ class Loop:
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
         self._reach = self._reach_links = self._reach_own = REACH_MOST
-        limp = [cable.diameter for cable in stage.scene.cables if cable.bending is None]
-        self._may_bond = bool(limp) and bool(stage.bonding.any())
-        self._tolerance = min(stage.scene.tolerance, 0.5 * CHORD * min(limp)) if limp and stage.scene.bodies else stage.scene.tolerance
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:
@@ -80,7 +76,7 @@ class Loop:
         if before is not None:
             before = self._with_fewer_nodes(before)
         posture, cables, rounds = self._go(step, goal, before, 0)
-        while before is not None and remesh.are_too_coarse([cable.shape for cable in cables], self._tolerance):
+        while before is not None and remesh.are_too_coarse([cable.shape for cable in cables], self._stage.tolerance):
             before = self._with_more_nodes(before, cables)
             reached, again, more = self._go(step, goal, before, 0)
             rounds += more
@@ -96,7 +92,7 @@ class Loop:
     def _with_more_nodes(self, before: Stepped, after: tuple[Hanging, ...]) -> Stepped:
         """The last step, on twice the segments for every cable that is too coarse now."""
         cables = [
-            self._on(index, remesh.finer(was.shape), was, before.posture) if remesh.is_too_coarse(now.shape, self._tolerance) else was
+            self._on(index, remesh.finer(was.shape), was, before.posture) if remesh.is_too_coarse(now.shape, self._stage.tolerance) else was
             for index, (was, now) in enumerate(zip(before.cables, after, strict=True))
         ]
         return replace(before, cables=tuple(cables))
@@ -106,7 +102,7 @@ class Loop:
         scene, posture = self._stage.scene, before.posture
         cables = [
             self._on(index, remesh.coarser(was.shape), was, posture)
-            if remesh.is_too_fine(was.shape, self._stage.grasps(scene.cables[index].name, posture), self._tolerance)
+            if remesh.is_too_fine(was.shape, self._stage.grasps(scene.cables[index].name, posture), self._stage.tolerance)
             else was
             for index, was in enumerate(before.cables)
         ]
@@ -146,18 +142,7 @@ class Loop:
         has_moved_robot = False
         while done.rounds < (ROUNDS_JUMP if may_jump else ROUNDS_MAX):
             done.rounds += 1
-            begun = time.perf_counter()
-            contacts = [
-                cable.boundary.contacts(joined(cable, self._stage.body_count, self._reach), cable.shape.s, goal.surfaces, goal.time)
-                if cable is not None
-                else None
-                for cable in cables
-            ]
-            problems = tuple(
-                Problem(cable=cable, grasps=grasp, contacts=contact, start=start_of(was), self_contacts=meetings(was))
-                for cable, grasp, contact, was in zip(scene.cables, grasps, contacts, cables, strict=True)
-            )
-            self._meter.search += time.perf_counter() - begun
+            problems = self._problems(goal, cables, grasps)
             shapes = self._ask(step, problems, goal, has_moved_robot=has_moved_robot)
             has_moved_robot = True
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):
@@ -169,11 +154,12 @@ class Loop:
             begun = time.perf_counter()
             hanging = []
             done.is_settled = True
-            for index, (was, shape, contact) in enumerate(zip(cables, shapes, contacts, strict=True)):
-                boundary = (was.boundary if was is not None else self._stage.unbound(index)).after(contact, shape, goal.surfaces)
+            for index, (was, shape, problem) in enumerate(zip(cables, shapes, problems, strict=True)):
+                boundary = was.boundary if was is not None else self._stage.unbound(index)
+                boundary = boundary.after(problem.contacts, shape, goal.surfaces)
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
                 done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
-                done.is_settled &= now.own is None or now.own.is_settled(problems[index].self_contacts, shape)
+                done.is_settled &= now.own is None or now.own.is_settled(problem.self_contacts, shape)
                 hanging.append(now)
             share = self._free_share(anchor, done_at, goal, hanging)
             done.may_have_passed = share < 1.0
@@ -184,7 +170,7 @@ class Loop:
             cables = done.cables = tuple(hanging)
             if done.is_settled or (done.may_have_passed and not may_jump):
                 break
-            if self._may_bond:
+            if self._stage.may_bond:
                 if anchor is None:
                     done.cables = within(done.cables)
                     break
@@ -195,10 +181,22 @@ class Loop:
             anchor, done_at = done.cables, goal
         if done.is_settled:
             done.cables = tuple(
-                replace(cable, boundary=cable.boundary.accepted(contact, cable.shape, goal.surfaces, goal.time))
-                for cable, contact in zip(done.cables, contacts, strict=True)
+                replace(cable, boundary=cable.boundary.accepted(problem.contacts, cable.shape, goal.surfaces, goal.time))
+                for cable, problem in zip(done.cables, problems, strict=True)
             )
         return done
+
+    def _problems(self, goal: Posture, cables: Sequence[Hanging | None], grasps: list[Grasps]) -> tuple[Problem, ...]:
+        """What to ask the shape server: every cable with its present boundary conditions."""
+        begun, count = time.perf_counter(), self._stage.body_count
+        problems = []
+        for cable, grasp, was in zip(self._stage.scene.cables, grasps, cables, strict=True):
+            contacts = None
+            if was is not None:
+                contacts = was.boundary.contacts(joined(was, count, self._reach), was.shape.s, goal.surfaces, goal.time)
+            problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start_of(was), self_contacts=meetings(was)))
+        self._meter.search += time.perf_counter() - begun
+        return tuple(problems)
 
     def _begin(self, goal: Posture, before: Stepped | None, grasps: list[Grasps]) -> Sequence[Hanging | None]:
         """Where each cable starts from: the last step, looked at anew where a body, or a robot link near it, has moved."""
@@ -223,7 +221,7 @@ class Loop:
             step=step,
             round=self._round,
             gravity=scene.gravity,
-            tolerance=self._tolerance,
+            tolerance=self._stage.tolerance,
             problems=problems,
             extrapolate=False,
         )

@@ -15,9 +15,17 @@ import numpy as np
 
 from protocol.kinds import Outcome
 from protocol.messages import Grasps, Shape
+from protocol.scene import Scene
 
 SEGMENTS_LEAST, SEGMENTS_MOST = 48, 800
+CHORD: Final = 0.2  # of its radius, that chords of a cable without bending may be off a body that it touches
 FOURFOLD: Final = 4.4  # growth of the error on every second node, with a tenth to spare
+
+
+def tolerance_of(scene: Scene) -> float:
+    """Asked of shapes [m]: that of the scene, or less where chords of a cable without bending have to be near what it touches."""
+    limp = [cable.diameter for cable in scene.cables if cable.bending is None]
+    return min(scene.tolerance, 0.5 * CHORD * min(limp)) if limp and scene.bodies else scene.tolerance
 
 
 def is_too_coarse(shape: Shape, tolerance: float) -> bool:

@@ -24,6 +24,7 @@ from .anchors import laws_of
 from .boundary import Boundary
 from .meshes import Mesh, load_body, place_clips
 from .motion import Path, cable_frames
+from .remesh import tolerance_of
 from .robot import Robot
 from .surface import Surface
 from .touch import Touch
@@ -83,6 +84,8 @@ class Stage:
         self._body_poses = np.array([surface.pose for surface in surfaces[: self.body_count]]).reshape(-1, 7)
         self._link_rows = np.array([surface.link for surface in surfaces[self.body_count :]], dtype=np.int64)
         self.bonding = np.array([body.friction is Friction.BOND for body in scene.bodies] + [False] * len(self._link_rows), dtype=bool)
+        self.tolerance: Final = tolerance_of(scene)
+        self.may_bond: Final = bool(self.bonding.any()) and any(cable.bending is None for cable in scene.cables)
         self.laws = laws_of(scene.bodies, len(self.bonding))
         fixed = [body.inclination is Inclination.FIXED for body in scene.bodies] + [False] * len(self._link_rows)
         self.inclined = np.array(fixed, dtype=bool) if any(fixed) else None
