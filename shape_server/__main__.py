@@ -18,7 +18,7 @@ from protocol.errors import CablecosimError
 from protocol.keys import read as read_keys
 from protocol.messages import ShapeReply, ShapeRequest
 
-from .paths import CHOICES, Paths, warm_up
+from .paths import CHOICES, Paths, compile_kernels
 from .server import ShapeServer
 from .solve import answer
 
@@ -26,10 +26,14 @@ from .solve import answer
 def main() -> int:
     """Run the server until it is stopped; 0 in good order, 2 with a sentence for a mistake."""
     arguments = _parser().parse_args()
-    if not arguments.warm_up:  # the compiler would hold back a handler for seconds
+    if not (arguments.warm_up or arguments.compile):  # the compiler would hold back a handler for seconds
         signal.signal(signal.SIGTERM, _leave)
     try:
-        if arguments.warm_up:
+        if arguments.compile:
+            compile_kernels()
+        elif arguments.warm_up:
+            from .compiling import warm_up
+
             sys.stdout.write(f"kernels ready after {warm_up():.1f} s\n")
         elif arguments.posture:
             _solve_posture(arguments.kernels)
@@ -55,7 +59,8 @@ def _parser() -> argparse.ArgumentParser:
     task = parser.add_mutually_exclusive_group(required=True)
     task.add_argument("--bind", metavar="ADDRESS", help="listen here: ipc://PATH, or tcp://127.0.0.1:PORT (port 0 takes a free one)")
     task.add_argument("--posture", choices=["-"], help="answer one encoded ShapeRequest from standard input on standard output")
-    task.add_argument("--warm-up", action="store_true", help="compile the kernels to the cache on disk, and end")
+    task.add_argument("--warm-up", action="store_true", help="compile the kernels to the cache on disk, in two processes, and end")
+    task.add_argument("--compile", action="store_true", help="the same in one process, beside other work")
     parser.add_argument(
         "--kernels",
         choices=CHOICES,

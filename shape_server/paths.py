@@ -12,7 +12,6 @@ import importlib
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import ModuleType
 from typing import Final
@@ -47,7 +46,7 @@ class Paths:
             # -P and our own folder: a folder named protocol where the user is must not come in between.
             folders = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
             environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folder for folder in folders if folder)}
-            command = [sys.executable, "-P", "-m", "shape_server", "--warm-up"]
+            command = [sys.executable, "-P", "-m", "shape_server", "--compile"]
             atexit.register(self.close)  # a stop can come before the server's loop, which closes too
             self._child = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
 
@@ -127,7 +126,7 @@ def compile_kernels() -> ModuleType:
 
     kernels = importlib.import_module(".kernels", __package__)
     forget_stale_kernels()
-    request = decode(encode(_sample()))
+    request = decode(encode(sample()))
     assert isinstance(request, ShapeRequest)
     problem = request.problems[0]
     shape = solve(problem, request.gravity, tolerance=request.tolerance, path=kernels)
@@ -141,15 +140,8 @@ def compile_kernels() -> ModuleType:
     return kernels
 
 
-def warm_up() -> float:
-    """Compile everything to the cache on disk; returns the seconds it took."""
-    begun = time.perf_counter()
-    compile_kernels()
-    return time.perf_counter() - begun
-
-
-def _sample() -> ShapeRequest:
-    """A cable hanging between two clamps, with an edge under it, a bond, and a face that rubs."""
+def sample() -> ShapeRequest:
+    """What is solved to compile: a cable hanging between two clamps, with an edge under it, a bond, and a face that rubs."""
     along_x = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
     grasps = Grasps(
         s=np.array([0.0, 1.0]),
