@@ -21,13 +21,12 @@ from protocol.messages import Grasps, Problem, Shape, ShapeRequest
 
 from . import remesh
 from .asking import Asker
-from .boundary import Boundary
 from .first_touch import sides, with_first_touches, within
 from .hanging import Hanging, Near, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .self_boundary import meet
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
-from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion
+from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion, slipped_through
 from .touch import Candidates
 
 ROUNDS_MAX: Final = 12
@@ -36,7 +35,7 @@ HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jump
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
-CHORD: Final = 0.2  # of its radius, that chords of a cable without bending may be off a bonding body that it touches
+CHORD: Final = 0.2  # of its radius, that chords of a cable without bending may be off it, so that touch is told from no touch
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 
 
@@ -62,9 +61,9 @@ class Loop:
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
         self._reach = self._reach_links = self._reach_own = REACH_MOST
-        limp = [cable.diameter for cable in stage.scene.cables if cable.bending is None]
+        limp = [0.5 * CHORD * cable.diameter for cable in stage.scene.cables if cable.bending is None and stage.scene.bodies]
         self._may_bond = bool(limp) and bool(stage.bonding.any())
-        self._tolerance = min(stage.scene.tolerance, 0.5 * CHORD * min(limp)) if limp and stage.scene.bodies else stage.scene.tolerance
+        self._tolerance = min([stage.scene.tolerance, *limp])
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:
@@ -165,7 +164,7 @@ class Loop:
             has_moved_robot = True
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):
                 done.cables = tuple(
-                    replace(was, shape=shape) if was is not None else nowhere(shape, self._fresh(index))
+                    replace(was, shape=shape) if was is not None else nowhere(shape, self._stage.untouched(index))
                     for index, (was, shape) in enumerate(zip(cables, shapes, strict=True))
                 )
                 return done
@@ -173,7 +172,7 @@ class Loop:
             hanging = []
             done.is_settled = True
             for index, (was, shape, contact) in enumerate(zip(cables, shapes, contacts, strict=True)):
-                boundary = (was.boundary if was is not None else self._fresh(index)).after(contact, shape, goal.surfaces)
+                boundary = (was.boundary if was is not None else self._stage.untouched(index)).after(contact, shape, goal.surfaces)
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
                 done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
                 done.is_settled &= now.own is None or now.own.is_settled(problems[index].self_contacts, shape)
@@ -187,15 +186,15 @@ class Loop:
             cables = done.cables = tuple(hanging)
             if done.is_settled or (done.may_have_passed and not may_jump):
                 break
-            if self._may_bond:
-                if anchor is None:
-                    done.cables = within(done.cables)
-                    break
-                touched = with_first_touches(anchor, cables, grasps, done_at.surfaces, goal.surfaces, self._look)
-                if touched is not None:  # again from where nothing was touched yet
-                    cables = touched
-                    continue
+            if self._may_bond and anchor is None:
+                done.cables = within(done.cables)
+                break
+            touched = with_first_touches(anchor, cables, grasps, (done_at, goal), self._look) if self._may_bond and anchor else None
+            if touched is not None:  # again from where nothing was touched yet
+                cables = touched
+                continue
             anchor, done_at = done.cables, goal
+        done.is_settled &= before is None or not slipped_through(before.cables, done.cables)
         if done.is_settled:
             done.cables = tuple(
                 replace(cable, boundary=cable.boundary.accepted(contact, cable.shape, goal.surfaces, goal.time))
@@ -299,15 +298,3 @@ class Loop:
         shape = part_way(was.shape, now.shape, max(0.8 * share, least_share(was, now.shape, LEAST_SHARE)), grasps)
         self._reach = REACH_MOST
         return Hanging(shape, now.boundary, *self._search(index, shape, goal, was))
-
-    def _fresh(self, index: int) -> Boundary:
-        cable = self._stage.scene.cables[index]
-        stage = self._stage
-        return Boundary(
-            radius=0.5 * cable.diameter,
-            length=cable.length,
-            bonding=stage.bonding,
-            laws=stage.laws,
-            inclined=stage.inclined,
-            is_limp=cable.bending is None,
-        )
