@@ -225,7 +225,7 @@ class Loop:
             step=step,
             round=self._round,
             gravity=scene.gravity,
-            tolerance=self._tolerance,
+            tolerance=scene.tolerance,
             problems=problems,
             extrapolate=False,
         )
