@@ -11,6 +11,7 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from catenaries import catenary
 from in_process import steps
 from scipy.optimize import brentq, minimize_scalar
@@ -103,6 +104,7 @@ def test_the_motion_is_continuous() -> None:
     assert max(most) < 0.05  # measured 0.040, where it slides through its bond and leaves
 
 
+@pytest.mark.slow
 def test_without_friction_it_slides_until_it_would_wind_around_the_obstacle() -> None:
     body = replace(SCENE.bodies[0], friction=Friction.NONE)
     weight = 0.1 * 9.81

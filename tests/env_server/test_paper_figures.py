@@ -58,6 +58,7 @@ def balance(s: float) -> float:
     return tension_at_ends(left, place, s, 0.981)[1] - tension_at_ends(place, right, CABLE.length - s, 0.981)[0]
 
 
+@pytest.mark.slow
 def test_fig_5_without_friction_the_shape_is_a_matter_of_history() -> None:
     """The obstacle comes to P from below or from the left: the slack hangs on one side or on the other. There and back, it stays."""
     below = (go("to P", 0.2, o=(0.0, 4.5)),)
@@ -72,8 +73,7 @@ def test_fig_5_without_friction_the_shape_is_a_matter_of_history() -> None:
                 found.append(cable)
     exact = [brentq(balance, 0.88, 0.8915), brentq(balance, 0.41, 0.425)]
     for cable, s in zip((found[0], found[1], found[2], found[3]), (exact[0], exact[0], exact[1], exact[1]), strict=True):
-        print(cable.boundary.pushes.s[0] - s, s)
-        assert cable.boundary.pushes.s[0] == pytest.approx(s, abs=1e-3)
+        assert cable.boundary.pushes.s[0] == pytest.approx(s, abs=1e-4)  # measured 2.7e-5: the cable of the reference has no thickness
         total = cable.shape.grasp_wrenches[:, :3].sum(axis=0) + cable.boundary.pushes.force.sum(axis=0)
         assert np.abs(total - [0.0, 0.0, WEIGHT]).max() < 1e-9 * WEIGHT
     assert len(found) == 4
@@ -111,3 +111,22 @@ def test_fig_7_the_path_decides_whether_contact_is_kept() -> None:
     assert len(ends["b1"].bonds) == 1
     assert not ends["b2"].bonds
     assert not len(ends["b2"].pushes.s)
+
+
+def test_a_bonding_point_is_never_passed_without_a_bond() -> None:
+    """It comes from beside, below and across, fast and slowly; whenever it has gone through where the cable hung, there is a bond."""
+    for start, way in (((3.5, -7.0), (0.0, 3.5)), ((1.0, -6.0), (0.0, 3.0)), ((4.5, -6.0), (-0.5, 2.5))):
+        for duration in (0.1, 0.4):
+            *_, (_, step) = steps(scene(start, Friction.BOND, go("up", duration, o=way), diameter=2e-3))
+            cable = step.cables[0]
+            assert cable.shape.outcome is Outcome.CONVERGED, cable.shape.sentence
+            assert len(cable.boundary.bonds) == 1
+            force = cable.shape.grasp_wrenches[:, :3].sum(axis=0) + cable.boundary.pushes.force.sum(axis=0)
+            assert np.abs(force - [0.0, 0.0, WEIGHT]).max() < 1e-9 * WEIGHT
+
+
+def test_a_cable_that_starts_within_a_bonding_body_is_refused() -> None:
+    floor = Body(name="o", shape=Primitive.PLANE, position=(0.0, 0.0, 0.6), friction=Friction.BOND)
+    *_, (_, step) = steps(replace(scene((0.0, 0.0), Friction.BOND, diameter=2e-3), bodies=(floor,)))
+    assert step.cables[0].shape.outcome is Outcome.NOT_CONVERGED
+    assert "start it beside the body" in step.cables[0].shape.sentence
