@@ -21,6 +21,8 @@ from protocol.kinds import FRICTION_CODES, Friction
 from protocol.messages import Contacts, Grasps, Shape
 
 from . import anchors
+from .bond import Bond as Bond
+from .bond import slid
 from .hits import FACE
 from .polyline import points_at
 from .poses import inside, outside, turn_inside, turn_outside
@@ -31,24 +33,10 @@ GAP_OK: Final = 1e-5  # m; a contact that pushes must be no further than this fr
 SAME_NORMAL: Final = 0.98  # cosine between two normals of one contact
 TAUT: Final = 1e-5  # of the length; a part with less slack than this is taut
 SAME_PLACE: Final = 1e-3  # of a segment; a row this near to a bond says the same
-SLIGHT: Final = 0.05  # rad, a bend so slight that the normal of a bond is rather kept than turned to halve it
 BEHIND: Final = 4.0  # segments beside a bond in which the side of a thin body says nothing
 BENT: Final = 2.5  # radii beside a sharp bend about a point within which the cable is nearer to it than its radius
 APART: Final = 0.5  # of a segment; beside a bond nothing else needs to be bonded
 FREE, BONDED = FRICTION_CODES.index(Friction.NONE), FRICTION_CODES.index(Friction.BOND)
-
-
-@dataclass(frozen=True)
-class Bond:
-    """A point of the cable that sticks to a point of a body."""
-
-    surface: int
-    s: float  # m, arc length
-    point: np.ndarray  # (3,) m, in the body's frame
-    normal: np.ndarray  # (3,) in the body's frame
-    force: np.ndarray  # (3,) N, on the cable, world
-    drawn: float = 0.0  # m of the cable that were drawn through it since the last step
-    is_sharp: bool = False  # on a point or an edge that a cable without bending may bend about
 
 
 @dataclass(frozen=True)
@@ -136,7 +124,7 @@ class Boundary:
         on = np.flatnonzero(size > 0.0)
         first_bond = len(contacts.s) - len(self.bonds)
         bonds = tuple(
-            _slid(bond, shape, first_bond + row, poses[bond.surface])
+            slid(bond, shape, first_bond + row, poses[bond.surface])
             if self.is_limp
             else replace(bond, force=shape.contact_forces[first_bond + row])
             for row, bond in enumerate(self.bonds)
@@ -163,9 +151,10 @@ class Boundary:
             return False
         pushes = self.pushes
         near = candidates.gap < GAP_OK + pushes.bulge
+        same = 0.0 if self.is_limp else SAME_NORMAL  # where it bends sharply, each piece has a normal of its own
         for row in np.flatnonzero(~pushes.is_bond).tolist():
             there = near & (candidates.body == pushes.surface[row]) & (np.abs(place - pushes.s[row]) < 1.01 * spacing.max())
-            if not (candidates.normal[there] @ pushes.normal[row] > SAME_NORMAL).any():
+            if not (candidates.normal[there] @ pushes.normal[row] > same).any():
                 return False
         return True
 
@@ -261,7 +250,7 @@ class Boundary:
             return
         for row in np.flatnonzero(~pushes.is_bond).tolist():
             away = np.abs(place - pushes.s[row])
-            away = np.where((body == pushes.surface[row]) & (normal @ pushes.normal[row] > 0.8), away, np.inf)
+            away = np.where((body == pushes.surface[row]) & (normal @ pushes.normal[row] > (0.0 if self.is_limp else 0.8)), away, np.inf)
             nearest = int(np.argmin(away))
             if away[nearest] < 2 * spacing:
                 rubs = self.laws is not None and self.laws.code[body[nearest]] > 0
@@ -272,27 +261,3 @@ def at_place(candidates: Candidates, s: np.ndarray) -> np.ndarray:
     """Arc lengths (m,) [m] of places, from those of the nodes (n,) [m]."""
     place: np.ndarray = s[candidates.segment] + candidates.fraction * np.diff(s)[candidates.segment]
     return place
-
-
-def _slid(bond: Bond, shape: Shape, row: int, pose: np.ndarray) -> Bond:
-    """A bond as the shape server left it: a cable without bending slides through one that would pull."""
-    s = float(shape.contact_s[row])
-    bond = replace(bond, s=s, force=shape.contact_forces[row], drawn=bond.drawn + abs(s - bond.s))
-    return replace(bond, normal=_turned(bond, shape, pose))
-
-
-def _turned(bond: Bond, shape: Shape, pose: np.ndarray) -> np.ndarray:
-    """Normal (3,) of a bond, in the body's frame, turned with a cable that bends sharply about a point or an edge.
-
-    It halves the angle between both pieces, t_before - t_after, as long as they are bent away from the body; when they are bent towards it,
-    it is square to both, so that the force along it pulls.
-    """
-    node = int(np.argmin(np.abs(shape.s - bond.s)))
-    if not bond.is_sharp or not 0 < node < len(shape.s) - 1:
-        return bond.normal
-    before, after = (chord / np.linalg.norm(chord) for chord in np.diff(shape.nodes[node - 1 : node + 2], axis=0))
-    normal, bend, along = turn_outside(pose, bond.normal), before - after, before + after
-    square = normal - (normal @ along) / max(float(along @ along), 1e-12) * along
-    turned = square if bend @ normal <= 0.0 else SLIGHT * square + bend
-    size = float(np.linalg.norm(turned))
-    return turn_inside(pose, turned / size) if size > 1e-9 else bond.normal

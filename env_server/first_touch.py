@@ -25,6 +25,7 @@ from .boundary import Bond, at_place
 from .hanging import Hanging, unsettled
 from .hits import FACE
 from .poses import inside, turn_inside
+from .stage import Posture
 from .touch import Candidates
 
 PARTS: Final = 16  # of the way between two shapes, looked at in turn
@@ -38,18 +39,18 @@ Look = Callable[[int, np.ndarray, np.ndarray], Candidates]  # places of a cable 
 
 
 def with_first_touches(
-    was: Sequence[Hanging], now: Sequence[Hanging], grasps: Sequence[Grasps], at: np.ndarray, goal: np.ndarray, look: Look
+    was: Sequence[Hanging], now: Sequence[Hanging], grasps: Sequence[Grasps], way: tuple[Posture, Posture], look: Look
 ) -> list[Hanging] | None:
     """The cables with a bond for each that first touches a bonding body on the way; None if none does.
 
     Args:
         was: Cables that touch no bonding body but at their bonds.
-        now: As they would hang at the goal.
-        grasps: At the goal.
-        at: (b, 7) Poses of the surfaces at `was`.
-        goal: (b, 7) Poses of the surfaces now.
+        now: As they would hang at the end of the way.
+        grasps: At the end of the way.
+        way: Postures at `was` and now.
         look: For places that touch.
     """
+    at, goal = way[0].surfaces, way[1].surfaces
     touched, any_touched = [], False
     for index, (before, after, held) in enumerate(zip(was, now, grasps, strict=True)):
         boundary = after.boundary
@@ -64,14 +65,20 @@ def with_first_touches(
 def sides(was: Hanging) -> Candidates:
     """The places near a cable from which the next search takes on which side of a body it is.
 
-    Beside a sharp bend the sides of the two pieces differ; a body that a cable without bending is bonded to it cannot pass.
+    Of a cable without bending these are the bends where it slides, each with the direction of its push: beside a sharp bend the sides of
+    the two pieces differ. A body that it is bonded to it cannot pass.
     """
-    near = was.bodies
-    if not was.boundary.is_limp or not was.boundary.bonding[near.body].any():
+    near, boundary, s = was.bodies, was.boundary, was.shape.s
+    if not boundary.is_limp or not len(near.body):
         return near
-    slides = ~was.boundary.bonding[near.body]
-    columns = {name: getattr(near, name)[slides] for name in Candidates.__slots__ if name != "clearance"}
-    return Candidates(**columns, clearance=near.clearance)
+    kept, normal, place = ~boundary.bonding[near.body], near.normal.copy(), at_place(near, s)
+    pushes, spacing = boundary.pushes, float(np.diff(s).max())
+    for row in np.flatnonzero(~pushes.is_bond):
+        own, here = near.body == pushes.surface[row], np.abs(place - pushes.s[row]) < spacing
+        normal[own & here] = pushes.normal[row]
+        kept &= ~own | here
+    columns = {name: getattr(near, name)[kept] for name in Candidates.__slots__ if name not in ("clearance", "normal")}
+    return Candidates(**columns, normal=normal[kept], clearance=near.clearance)
 
 
 def within(cables: tuple[Hanging, ...]) -> tuple[Hanging, ...]:

@@ -47,7 +47,7 @@ from .remesh import blended
 from .stage import Posture, Stage
 from .stepped import Stepped
 
-SUDDEN: Final = 15.0  # a taut cable that is let go by x sinks by more than x; measured up to 6 before a snap
+SUDDEN: Final = 15.0  # a taut cable that is let go by x sinks by more than x
 NOTICED: Final = 0.02  # of the length
 AIR, DRAG = 1.2, 1.2  # kg/m^3; of a cylinder across the flow
 PERIODS: Final = 2.0  # of the oscillation that are shown

@@ -213,6 +213,18 @@ class Stage:
         bodies = self._body_path.at(time) if self._body_path is not None else self._body_poses
         return Posture(time, positions, quaternions, joints, links, np.vstack([bodies, links[self._link_rows]]))
 
+    def untouched(self, index: int) -> Boundary:
+        """Boundary conditions of a cable, by its number, that touches nothing yet."""
+        cable = self.scene.cables[index]
+        return Boundary(
+            radius=0.5 * cable.diameter,
+            length=cable.length,
+            bonding=self.bonding,
+            laws=self.laws,
+            inclined=self.inclined,
+            is_limp=cable.bending is None,
+        )
+
     def _plan(self) -> np.ndarray:
         """Joints (steps + 1, j) of the whole path."""
         if self.robot is None:

@@ -25,6 +25,7 @@ from .stage import Posture, Stage
 
 SHARE: Final = 0.8  # of the distance to a body that its own motion may take up
 LEAST: Final = 0.2  # of the radius; a body nearer than that has been let in, and no shorter step keeps it out
+FADED: Final = 0.05  # of the weight of a cable, that a body may push it with just before they part
 HALVINGS_MOST: Final = 14  # of a time step, for the motion of bodies
 
 
@@ -80,6 +81,18 @@ def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging]) -> 
         if before.own is not None:
             share = min(share, before.own.free_share(segment))
     return share, farthest
+
+
+def slipped_through(was: Sequence[Hanging], now: Sequence[Hanging]) -> bool:
+    """Whether a cable without bending is off a body that pushed it hard just before: in steps short enough, a push fades first."""
+    for before, after in zip(was, now, strict=True):
+        pushes = before.boundary.pushes
+        if before.boundary.is_limp and len(pushes.s):
+            weight = float(np.linalg.norm(before.shape.grasp_wrenches[:, :3].sum(axis=0) + pushes.force.sum(axis=0)))
+            hard = np.linalg.norm(pushes.force, axis=1) > FADED * weight
+            if not np.isin(pushes.surface[hard], after.boundary.pushes.surface).all():
+                return True
+    return False
 
 
 def _motion(before: Shape, after: Shape) -> np.ndarray:

@@ -2,9 +2,10 @@
 
 A bond is a point that holds the cable. What holds it along the body is friction without limit, but friction needs a push: where a
 bond would pull, the cable slides through it, the way the larger tension draws it, to the first place where it no longer would; where
-there is none before both tensions are the same, it is dropped, the hardest pulling first. A point or an edge without friction is slid over (`draped`); it is taken up where the cable would pass through it, and let go where it would
-pull. Contacts about one point or edge are one contact, whose push the two rows beside the bend share along their own
-normals, as each piece of the cable is pushed where it is tangent to the feature.
+there is none before both tensions are the same, it is dropped, the hardest pulling first. A point or an edge without friction is slid
+over (`draped`); it is taken up where the cable would pass through it, and let go where it would pull. Contacts about one point or edge
+are one contact, whose push the two rows beside the bend share along their own normals, as each piece of the cable is pushed where it
+is tangent to the feature.
 """
 
 from __future__ import annotations

@@ -9,30 +9,29 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from catenaries import tension_at_ends
 from in_process import steps
+from scipy.optimize import brentq
 
-from env_server.boundary import Bond, Boundary
 from env_server.stepped import Stepped
-from env_server.touch import Candidates
 from protocol.kinds import Friction, Hold, Outcome, Primitive
-from protocol.messages import Grasps, Problem
 from protocol.scene import Body, Cable, Gripper, Move, Scene, Target
-from shape_server import solve
 
 UNIT = 0.1  # m
+P = (3.2, -2.5)  # x and z, units
 CABLE = Cable(name="c", length=12 * UNIT, diameter=2e-4, mass_per_length=0.1)
-REST = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
 WEIGHT = 0.1 * 9.81 * 12 * UNIT  # N
 
 
-def scene(obstacle: tuple[float, float], friction: Friction, *moves: Move, height: float = 0.0) -> Scene:
-    """Grippers at x = 0 and x = 5 units; the obstacle at (x, z) units; z counts from a metre above the ground."""
+def scene(obstacle: tuple[float, float], friction: Friction, *moves: Move, diameter: float = CABLE.diameter) -> Scene:
+    """Grippers at x = 0 and x = 5 units; the obstacle at (x, z) units; z counts from a metre above the ground; diameter in m."""
     grippers = tuple(
-        Gripper(name=name, cable="c", at=at, position=(x * UNIT, 0.0, 1.0 + height * UNIT), tangent=(1.0, 0.0, 0.0), hold=Hold.HINGE)
+        Gripper(name=name, cable="c", at=at, position=(x * UNIT, 0.0, 1.0), tangent=(1.0, 0.0, 0.0), hold=Hold.HINGE)
         for name, at, x in (("left", 0.0, 0.0), ("right", 12 * UNIT, 5.0))
     )
     body = Body(name="o", shape=Primitive.POINT, position=(obstacle[0] * UNIT, 0.0, 1.0 + obstacle[1] * UNIT), friction=friction)
-    return Scene(title="t", cables=(CABLE,), grippers=grippers, bodies=(body,), moves=moves)
+    return Scene(title="t", cables=(replace(CABLE, diameter=diameter),), grippers=grippers, bodies=(body,), moves=moves)
 
 
 def go(name: str, duration: float, **ways: tuple[float, float]) -> Move:
@@ -53,51 +52,52 @@ def slacks(step: Stepped) -> tuple[float, float]:
     return float(first), float(last)
 
 
+def balance(s: float) -> float:
+    """Tension before less tension after the obstacle at P [N], of two catenaries that meet there."""
+    left, place, right = np.array([0.0, 0.0]), np.array(P) * UNIT, np.array([5 * UNIT, 0.0])
+    return tension_at_ends(left, place, s, 0.981)[1] - tension_at_ends(place, right, CABLE.length - s, 0.981)[0]
+
+
+@pytest.mark.slow
 def test_fig_5_without_friction_the_shape_is_a_matter_of_history() -> None:
-    """The obstacle goes down from P to Q and back: all slack has run to the other side on the way, and stays there."""
-    path = scene(
-        (3.5, -7.0), Friction.NONE, go("to P", 0.2, o=(0.0, 2.2)), go("to Q", 0.2, o=(0.0, 0.8)), go("back to P", 0.2, o=(0.0, -0.8))
-    )
-    at_p = []
-    for _, step in steps(path):
-        assert step.cables[0].shape.outcome is Outcome.CONVERGED, step.cables[0].shape.sentence
-        if abs(step.posture.surfaces[0, 2] - (1.0 - 4.8 * UNIT)) < 1e-9:
-            at_p.append(step.cables[0])
-    for cable in (at_p[0], at_p[-1]):
+    """The obstacle comes to P from below or from the left: the slack hangs on one side or on the other. There and back, it stays."""
+    below = (go("to P", 0.2, o=(0.0, 4.5)),)
+    left = (go("up", 0.2, o=(0.0, 3.0)), go("over", 0.2, o=(0.8, 1.0)), go("to P", 0.2, o=(0.6, 0.5)))
+    there_and_back = (go("to Q", 0.2, o=(0.0, -0.4)), go("back to P", 0.2, o=(0.0, 0.4)))
+    found = []
+    for start, moves in (((3.2, -7.0), below), ((1.8, -7.0), left)):
+        for _, step in steps(scene(start, Friction.NONE, *moves, *there_and_back)):
+            cable = step.cables[0]
+            assert cable.shape.outcome is Outcome.CONVERGED, cable.shape.sentence
+            if np.abs(step.posture.surfaces[0, [0, 2]] - [P[0] * UNIT, 1.0 + P[1] * UNIT]).max() < 1e-9:
+                found.append(cable)
+    exact = [brentq(balance, 0.88, 0.8915), brentq(balance, 0.41, 0.425)]
+    for cable, s in zip((found[0], found[1], found[2], found[3]), (exact[0], exact[0], exact[1], exact[1]), strict=True):
+        assert cable.boundary.pushes.s[0] == pytest.approx(s, abs=1e-4)  # measured 2.7e-5: the cable of the reference has no thickness
         total = cable.shape.grasp_wrenches[:, :3].sum(axis=0) + cable.boundary.pushes.force.sum(axis=0)
         assert np.abs(total - [0.0, 0.0, WEIGHT]).max() < 1e-9 * WEIGHT
+    assert len(found) == 4
 
 
 def test_fig_6_a_bond_holds_until_one_part_and_then_both_are_straight() -> None:
-    """(b) two catenaries, (c) one straight part and one catenary, (d) both straight; one step further there is no shape."""
-    place = np.array([2.5 * UNIT, 0.0, 1.0 + UNIT])  # the grippers have been lowered below it
-    up = np.array([0.0, 0.0, 1.0])
-    bond = Bond(surface=0, s=6 * UNIT, point=place - 1e-4 * up, normal=up, force=up)
-    boundary = Boundary(radius=1e-4, length=12 * UNIT, bonding=np.array([True]), bonds=(bond,))
-    nothing = Candidates(**{name: np.zeros((0, 3) if name in ("point", "normal", "direction") else 0) for name in Candidates.__slots__})
-    whole = {name: np.zeros(0, dtype=np.int64) for name in ("segment", "body", "feature", "feature_id")}
-    nothing = replace(nothing, extent=np.zeros((0, 2)), **whole)
-    pairs, outcome = [], Outcome.CONVERGED
-    for x in np.linspace(0.0, -0.7, 281):
-        ends = np.array([[x, 0.0, 1.0], [5 * UNIT, 0.0, 1.0]])
-        held = Grasps(s=np.array([0.0, 12 * UNIT]), position=ends, quaternion=np.tile([0.0, 0, 0, 1], (2, 1)), hold=(Hold.HINGE,) * 2)
-        boundary = boundary.drawn_through(held, REST)
-        rows = boundary.contacts(nothing, np.array([0.0, 12 * UNIT]), REST, 0.0)
-        shape = solve(Problem(cable=CABLE, grasps=held, contacts=rows), (0.0, 0.0, -9.81))
-        outcome = shape.outcome
-        if outcome is not Outcome.CONVERGED:
-            break
-        spans = np.array([boundary.bonds[0].s, 12 * UNIT - boundary.bonds[0].s])
-        pairs.append((spans - np.linalg.norm(ends - place, axis=1)) / spans)
-        boundary = boundary.after(rows, shape, REST)
+    """From first touch: (b) two catenaries, (c) a straight part and a catenary, (d) both straight; one step further there is no shape."""
+    lower, outwards = (0.0, -7.0), (-6.95, 0.0)  # past the obstacle to one unit below it; then the left gripper moves on
+    path = scene((2.5, -6.0), Friction.BOND, go("lower", 1.0, left=lower, right=lower), go("outwards", 1.0, left=outwards), diameter=2e-3)
+    pairs, outcomes = [], []
+    for _, step in steps(path):
+        outcomes.append(step.cables[0].shape.outcome)
+        if outcomes[-1] is Outcome.CONVERGED and step.posture.time > 1.0 - 1e-9:
+            pairs.append(slacks(step))
     slack = np.array(pairs)
     assert (slack[0] > 0.3).all()  # (b)
-    straight = slack[:, 0] < 2e-5
+    assert np.abs(slack[0, 0] - slack[0, 1]) < 1e-4  # it touched in the middle
+    straight = slack[:, 0] < 4e-4  # measured 2.6e-4 and less: its end is its radius off the point
     assert slack[straight][0, 1] > 0.1  # (c)
-    assert straight.sum() > 20  # material is drawn through the bond, and the left part stays straight
+    assert straight.sum() > 10  # material is drawn through the bond, and the left part stays straight
     assert slack[-1, 1] < 0.02  # (d), at the last step before
-    assert outcome is Outcome.UNREACHABLE
-    assert "further than the" in shape.sentence
+    assert set(outcomes[:-1]) == {Outcome.CONVERGED}
+    assert outcomes[-1] is Outcome.UNREACHABLE
+    assert "further than the" in step.cables[0].shape.sentence
 
 
 def test_fig_7_the_path_decides_whether_contact_is_kept() -> None:
@@ -111,3 +111,22 @@ def test_fig_7_the_path_decides_whether_contact_is_kept() -> None:
     assert len(ends["b1"].bonds) == 1
     assert not ends["b2"].bonds
     assert not len(ends["b2"].pushes.s)
+
+
+def test_a_bonding_point_is_never_passed_without_a_bond() -> None:
+    """It comes from beside, below and across, fast and slowly; whenever it has gone through where the cable hung, there is a bond."""
+    for start, way in (((3.5, -7.0), (0.0, 3.5)), ((1.0, -6.0), (0.0, 3.0)), ((4.5, -6.0), (-0.5, 2.5))):
+        for duration in (0.1, 0.4):
+            *_, (_, step) = steps(scene(start, Friction.BOND, go("up", duration, o=way), diameter=2e-3))
+            cable = step.cables[0]
+            assert cable.shape.outcome is Outcome.CONVERGED, cable.shape.sentence
+            assert len(cable.boundary.bonds) == 1
+            force = cable.shape.grasp_wrenches[:, :3].sum(axis=0) + cable.boundary.pushes.force.sum(axis=0)
+            assert np.abs(force - [0.0, 0.0, WEIGHT]).max() < 1e-9 * WEIGHT
+
+
+def test_a_cable_that_starts_within_a_bonding_body_is_refused() -> None:
+    floor = Body(name="o", shape=Primitive.PLANE, position=(0.0, 0.0, 0.6), friction=Friction.BOND)
+    *_, (_, step) = steps(replace(scene((0.0, 0.0), Friction.BOND, diameter=2e-3), bodies=(floor,)))
+    assert step.cables[0].shape.outcome is Outcome.NOT_CONVERGED
+    assert "start it beside the body" in step.cables[0].shape.sentence
