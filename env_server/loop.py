@@ -35,10 +35,6 @@ HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jump
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
-<<<<<<< HEAD
-=======
-CHORD: Final = 0.2  # of its radius, that chords of a cable without bending may be off it, so that touch is told from no touch
->>>>>>> ef6cdba75bc07c22d8e9ad1ddde247930aecff3b
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 
 
@@ -63,12 +59,6 @@ class Loop:
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
         self._reach = self._reach_links = self._reach_own = REACH_MOST
-<<<<<<< HEAD
-=======
-        limp = [0.5 * CHORD * cable.diameter for cable in stage.scene.cables if cable.bending is None and stage.scene.bodies]
-        self._may_bond = bool(limp) and bool(stage.bonding.any())
-        self._tolerance = min([stage.scene.tolerance, *limp])
->>>>>>> ef6cdba75bc07c22d8e9ad1ddde247930aecff3b
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:
@@ -157,25 +147,16 @@ class Loop:
             has_moved_robot = True
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):
                 done.cables = tuple(
-<<<<<<< HEAD
-                    replace(was, shape=shape) if was is not None else nowhere(shape, self._stage.unbound(index))
-=======
                     replace(was, shape=shape) if was is not None else nowhere(shape, self._stage.untouched(index))
->>>>>>> ef6cdba75bc07c22d8e9ad1ddde247930aecff3b
                     for index, (was, shape) in enumerate(zip(cables, shapes, strict=True))
                 )
                 return done
             begun = time.perf_counter()
             hanging = []
             done.is_settled = True
-<<<<<<< HEAD
             for index, (was, shape, problem) in enumerate(zip(cables, shapes, problems, strict=True)):
-                boundary = was.boundary if was is not None else self._stage.unbound(index)
+                boundary = was.boundary if was is not None else self._stage.untouched(index)
                 boundary = boundary.after(problem.contacts, shape, goal.surfaces)
-=======
-            for index, (was, shape, contact) in enumerate(zip(cables, shapes, contacts, strict=True)):
-                boundary = (was.boundary if was is not None else self._stage.untouched(index)).after(contact, shape, goal.surfaces)
->>>>>>> ef6cdba75bc07c22d8e9ad1ddde247930aecff3b
                 now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
                 done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
                 done.is_settled &= now.own is None or now.own.is_settled(problem.self_contacts, shape)
@@ -189,24 +170,13 @@ class Loop:
             cables = done.cables = tuple(hanging)
             if done.is_settled or (done.may_have_passed and not may_jump):
                 break
-<<<<<<< HEAD
-            if self._stage.may_bond:
-                if anchor is None:
-                    done.cables = within(done.cables)
-                    break
-                touched = with_first_touches(anchor, cables, grasps, done_at.surfaces, goal.surfaces, self._look)
-                if touched is not None:  # again from where nothing was touched yet
-                    cables = touched
-                    continue
-=======
-            if self._may_bond and anchor is None:
+            if self._stage.may_bond and anchor is None:
                 done.cables = within(done.cables)
                 break
-            touched = with_first_touches(anchor, cables, grasps, (done_at, goal), self._look) if self._may_bond and anchor else None
+            touched = with_first_touches(anchor, cables, grasps, (done_at, goal), self._look) if self._stage.may_bond and anchor else None
             if touched is not None:  # again from where nothing was touched yet
                 cables = touched
                 continue
->>>>>>> ef6cdba75bc07c22d8e9ad1ddde247930aecff3b
             anchor, done_at = done.cables, goal
         done.is_settled &= before is None or not slipped_through(before.cables, done.cables)
         if done.is_settled:
@@ -251,11 +221,7 @@ class Loop:
             step=step,
             round=self._round,
             gravity=scene.gravity,
-<<<<<<< HEAD
-            tolerance=self._stage.tolerance,
-=======
             tolerance=scene.tolerance,
->>>>>>> ef6cdba75bc07c22d8e9ad1ddde247930aecff3b
             problems=problems,
             extrapolate=False,
         )

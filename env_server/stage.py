@@ -145,12 +145,6 @@ class Stage:
         grippers = self.scene.grippers
         return sorted((row for row in range(len(grippers)) if grippers[row].cable == cable), key=lambda row: grippers[row].at)
 
-    def unbound(self, index: int) -> Boundary:
-        """The boundary conditions of a cable that has not touched anything yet."""
-        cable = self.scene.cables[index]
-        radius, is_limp = 0.5 * cable.diameter, cable.bending is None
-        return Boundary(radius, cable.length, self.bonding, laws=self.laws, inclined=self.inclined, is_limp=is_limp)
-
     def excluded(self, cable: str, s: np.ndarray) -> np.ndarray:
         """Segments (n-1, links) of a cable that may touch a link: those beside a gripper, for the hand that holds it."""
         known = self._excluded.get(cable)
