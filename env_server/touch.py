@@ -121,9 +121,8 @@ class Touch:
         Raises:
             SceneError: If an array has a wrong shape or a value that is not finite.
         """
-        nodes = np.ascontiguousarray(nodes, dtype=np.float64)
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        mask = np.zeros((0, 0), np.bool_) if excluded is None else np.ascontiguousarray(excluded, dtype=np.bool_)
+        nodes, poses = _fixed(nodes, np.float64), _fixed(poses, np.float64)
+        mask = _fixed(np.zeros((0, 0)) if excluded is None else excluded, np.bool_)
         self._check(nodes, poses, radius, reach, excluded)
         known, capacity = self._lists(cable, len(nodes) - 1), 64 + 8 * len(nodes)
         while True:
@@ -168,6 +167,13 @@ class Touch:
         # A zero quaternion would put the body nowhere, and its contacts would vanish without a word.
         if not (np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]) > 0.5).all():
             raise SceneError("poses: every quaternion must have length 1", key="poses")
+
+
+def _fixed(array: np.ndarray, kind: type) -> np.ndarray:
+    """The array, read-only always: numba compiles anew for arrays that may be written to and those that may not."""
+    view: np.ndarray = np.ascontiguousarray(array, dtype=kind).view()
+    view.setflags(write=False)
+    return view
 
 
 def warm_up() -> None:
