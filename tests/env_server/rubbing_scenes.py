@@ -94,7 +94,7 @@ def _begun(loop: Loop, stage: Any, scene: Scene, start: Start, path: Any) -> Ste
     nodes = np.vstack([np.zeros(3), np.cumsum(np.diff(start.s)[:, None] * tangents, axis=0)])
     held = int(np.argmin(np.abs(start.s - grasps.s[0])))
     nodes = nodes + grasps.position[0] - nodes[held]
-    boundary: Boundary = loop._fresh(0)
+    boundary: Boundary = stage.untouched(0)
     shape = solve_once(scene, Problem(cable=scene.cables[0], grasps=grasps), path)
     drawn = shape_with(shape, start, nodes)
     before = replace(posture, time=posture.time - scene.time_step)
