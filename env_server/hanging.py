@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -9,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Outcome
-from protocol.messages import Grasps, SelfContacts, Shape, Start
+from protocol.messages import Contacts, Grasps, SelfContacts, Shape, Start
 
 from .boundary import Boundary
 from .remesh import blended
@@ -62,6 +63,14 @@ def joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
         **columns,
         body=np.concatenate([first.body, second.body[near] + body_count]),
         clearance=np.minimum(first.clearance, second.clearance),
+    )
+
+
+def accepted(cables: tuple[Hanging, ...], contacts: Sequence[Contacts | None], poses: np.ndarray, time: float) -> tuple[Hanging, ...]:
+    """The cables of a step that has settled, with what it leaves of their contacts."""
+    return tuple(
+        replace(cable, boundary=cable.boundary.accepted(contact, cable.shape, poses, time))
+        for cable, contact in zip(cables, contacts, strict=True)
     )
 
 

@@ -22,7 +22,7 @@ from protocol.messages import Grasps, Problem, Shape, ShapeRequest
 from . import remesh
 from .asking import Asker
 from .first_touch import sides, with_first_touches, within
-from .hanging import Hanging, Near, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
+from .hanging import Hanging, Near, accepted, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .self_boundary import meet
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
@@ -174,16 +174,12 @@ class Loop:
                 done.cables = within(done.cables)
                 break
             touched = with_first_touches(anchor, cables, grasps, (done_at, goal), self._look) if self._stage.may_bond and anchor else None
-            if touched is not None:  # again from where nothing was touched yet
-                cables = touched
-                continue
-            anchor, done_at = done.cables, goal
+            if touched is None:
+                anchor, done_at = done.cables, goal
+            cables = touched or cables  # again from where nothing was touched yet
         done.is_settled &= before is None or not slipped_through(before.cables, done.cables)
         if done.is_settled:
-            done.cables = tuple(
-                replace(cable, boundary=cable.boundary.accepted(problem.contacts, cable.shape, goal.surfaces, goal.time))
-                for cable, problem in zip(done.cables, problems, strict=True)
-            )
+            done.cables = accepted(done.cables, [problem.contacts for problem in problems], goal.surfaces, goal.time)
         return done
 
     def _problems(self, goal: Posture, cables: Sequence[Hanging | None], grasps: list[Grasps]) -> tuple[Problem, ...]:
