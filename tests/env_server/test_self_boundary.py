@@ -85,6 +85,7 @@ def link(step: Stepped) -> float:
     return shape.total_twist / (2 * np.pi) + writhe(closed)
 
 
+@pytest.mark.slow
 def test_a_cable_that_is_wound_up_ends_in_contact_with_itself() -> None:
     steps, _ = play(SelfInteraction.CONTACT)
     own = steps[-1].cables[0].own

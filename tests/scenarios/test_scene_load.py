@@ -251,7 +251,7 @@ def test_files_that_are_no_scenes_are_refused_with_a_sentence(tmp_path: Path) ->
 def test_an_unknown_name_is_answered_with_the_names_that_exist() -> None:
     with pytest.raises(SceneError, match="scene 'harness_asembly' unknown; did you mean 'harness_assembly'"):
         load("harness_asembly")
-    with pytest.raises(SceneError, match="scene 'xyz' unknown; there are 'harness_assembly'"):
+    with pytest.raises(SceneError, match="scene 'xyz' unknown; there are 'case_study_1', 'harness_assembly', 'touch_down'"):
         load("xyz")
 
 

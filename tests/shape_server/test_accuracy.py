@@ -133,10 +133,10 @@ def test_a_drawn_request_is_the_same_every_time(seed: int) -> None:
 
 
 def test_price_tags_of_random_requests_are_true() -> None:
-    results = list(audit(range(100, 120)))
+    results = list(audit(range(100, 110)))
     found = summaries(results)[-1]
-    assert found.unknown <= 4  # references on a floor are not always found
-    assert found.coverage >= 0.9  # of 20; a thousand reach more, see README
+    assert found.unknown <= 2  # references on a floor are not always found
+    assert found.coverage >= 0.8  # of 10; a thousand reach more, see README
     assert found.pessimism <= 3.0
     assert found.tolerance_kept == 1.0
 

@@ -23,6 +23,8 @@ assert "shape_server.follower" not in sys.modules
 """
 WHOLE = """
 import scipy.linalg
+
+import pytest
 from scipy.linalg import cython_blas
 assert scipy.linalg.solve(np.eye(2), np.ones(2)).tolist() == [1.0, 1.0]
 @njit
@@ -40,6 +42,7 @@ def test_a_first_shape_loads_neither_scipy_linalg_nor_what_only_others_need() ->
     run(SOLVE)
 
 
+@pytest.mark.slow
 def test_scipy_linalg_is_whole_when_it_is_asked_for_later() -> None:
     run(SOLVE + WHOLE)
 

@@ -98,7 +98,8 @@ def test_both_paths_find_the_same_shape() -> None:
     np.testing.assert_allclose(shapes[0].nodes, shapes[1].nodes, atol=1e-9)
 
 
-@pytest.mark.parametrize("extrapolate", [False, pytest.param(True, marks=pytest.mark.slow)])  # compiles for a minute
+@pytest.mark.slow  # it compiles for a minute
+@pytest.mark.parametrize("extrapolate", [False, True])
 def test_a_follower_takes_it_along(extrapolate: bool) -> None:
     problem = Problem(cable=MICRO, grasps=span(), model=Model.ROD)
     follower = Follower(problem, GRAVITY, extrapolate=extrapolate, segments=40)

@@ -14,6 +14,7 @@ from shape_server.hard_cases import touching
 from shape_server.trespass import trespass
 
 
+@pytest.mark.slow
 def test_the_distance_is_that_of_many_points_on_cable_and_edge() -> None:
     rng, s = np.random.default_rng(4), np.linspace(0.0, 1.0, 31)
     share = np.linspace(0.0, 1.0, 401)

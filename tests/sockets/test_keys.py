@@ -156,6 +156,7 @@ def test_a_whole_run_is_encrypted_and_a_stranger_on_the_way_reads_nothing(box: B
     assert len(recorded(tmp_path)) == STEPS + 3
 
 
+@pytest.mark.slow
 def test_the_launcher_runs_with_keys(folder: Path, tmp_path: Path) -> None:
     command = ["run", str(SCENE), "--out", str(tmp_path / "run"), "--no-replay", "--keys", str(folder), "--kernels", "compiled"]
     done = subprocess.run(
