@@ -25,8 +25,6 @@ assert "shape_server.follower" not in sys.modules
 """
 WHOLE = """
 import scipy.linalg
-
-import pytest
 from scipy.linalg import cython_blas
 assert scipy.linalg.solve(np.eye(2), np.ones(2)).tolist() == [1.0, 1.0]
 @njit
