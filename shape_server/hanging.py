@@ -17,6 +17,7 @@ from .mesh import Mesh, even, from_nodes, stops
 from .numpy_path import frames_along
 
 SEGMENTS = (25, 50, 100, 200, 400)
+STEEPER = 1.02  # curvature inside a segment may be above that at its ends: 0.2 % were seen in 24 random catenaries
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, poi
         contact_forces=forces[grasp_count:],
         contact_s=s[grasp_count:],
         energy=-float(np.vdot(load, 0.5 * mesh.lengths @ (nodes[1:] + nodes[:-1]))),
-        sag=float((np.maximum(curvature[:-1], curvature[1:]) * mesh.lengths**2 / 8).max()),
+        sag=STEEPER * float((np.maximum(curvature[:-1], curvature[1:]) * mesh.lengths**2 / 8).max()),
     )
 
 

@@ -171,8 +171,14 @@ def _tolerance(cable: Cable, rng: np.random.Generator) -> float:
 
 
 def true_error(shape: Shape, exact: Points) -> float:
-    """Largest distance [m] of a shape from the exact one: of its nodes, and of its segments where the model promises the whole polyline."""
+    """Largest distance [m] of a shape from the exact one: of its nodes from the points at their arc lengths.
+
+    Where the model promises the whole polyline, also of the middle of every segment's arc from its chord, square to it.
+    """
     away = [exact(shape.s) - shape.nodes]
     if shape.model == Model.CATENARY.value:
-        away.append(exact(0.5 * (shape.s[1:] + shape.s[:-1])) - 0.5 * (shape.nodes[1:] + shape.nodes[:-1]))
+        chord = np.diff(shape.nodes, axis=0)
+        bulge = exact(0.5 * (shape.s[1:] + shape.s[:-1])) - 0.5 * (shape.nodes[1:] + shape.nodes[:-1])
+        along = np.einsum("ij,ij->i", bulge, chord) / np.einsum("ij,ij->i", chord, chord)
+        away.append(bulge - along[:, None] * chord)
     return float(max(np.linalg.norm(part, axis=1).max() for part in away))
