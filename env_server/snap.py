@@ -26,6 +26,7 @@ from .stepped import Stepped
 
 NOTICED: Final = 0.02  # of the length
 LIVELY: Final = 1.5
+TURNED: Final = 4.0 / 27.0  # of angle times length: the most that a beam between two clamps, a cubic, goes where one of them turns
 HALVINGS: Final = 6
 LEFT: Final = 0.5
 
@@ -56,8 +57,8 @@ def farthest(was: Shape, now: Shape) -> float:
 
 
 def _driven(stage: Stage, index: int, first: Posture, last: Posture) -> float:
-    """How far anything has moved that can drive a cable [m]; a gripper that turns moves what is as far off as the cable is long."""
+    """How far anything has moved that can drive a cable [m]."""
     bodies = moves(first.surfaces, last.surfaces, np.where(np.isfinite(stage.extents), stage.extents, 0.0))
     held = [np.hstack([posture.positions, posture.quaternions]) for posture in (first, last)]
-    grippers = moves(held[0], held[1], np.full(len(held[0]), stage.scene.cables[index].length))
+    grippers = moves(held[0], held[1], np.full(len(held[0]), TURNED * stage.scene.cables[index].length))
     return float(max(bodies.max(initial=0.0), grippers.max(initial=0.0)))
