@@ -20,5 +20,8 @@ from typing import Final
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_3_held": ("3",),
+    "fig_13_self": ("13",),
+    "fig_14_fictitious": ("14",),
+    "fig_15_clip": ("15",),
 }
 """Modules of this folder, in the order of the paper, with the names by which they are asked for."""
