@@ -23,5 +23,6 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_13_self": ("13",),
     "fig_14_fictitious": ("14",),
     "fig_15_clip": ("15",),
+    "fig_17_lost": ("16", "17"),
 }
 """Modules of this folder, in the order of the paper, with the names by which they are asked for."""

@@ -24,6 +24,8 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
     turns = abs(_turns(crossing.at("apart").shapes[0]))
     before, after = wound.at("a turn and a half"), wound.at("wound up")
     gap, thick = closest(after.shapes[1])[0], wound.scene.cables[1].diameter
+    pushes = after.shapes[1].self_reactions
+    press = 0.0 if pushes is None else float(np.linalg.norm(pushes.force, axis=1).sum())
     free, kept = ((_turns(before.shapes[k]), _turns(after.shapes[k])) for k in range(2))
     phenomena = (
         Phenomenon(
@@ -47,9 +49,9 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "touching itself, wound up as far",
             "not in the paper",
-            f"the strands stay {1e3 * gap:.1f} mm apart from axis to axis, {1e3 * thick:.0f} mm thick: "
+            f"strands {1e3 * gap:.1f} mm apart from axis to axis, {1e3 * thick:.0f} mm thick, that press each other with {press:.2f} N: "
             f"{kept[0]:.2f} turns before, {kept[1]:.2f} after",
-            abs(gap - thick) < 5e-4 and kept[1] > 0.8 * kept[0],
+            abs(gap - thick) < 5e-4 and press > 0.1 and kept[1] > 0.8 * kept[0],
         ),
     )
     captions = (
@@ -84,7 +86,8 @@ def _plane(crossing: Recorded, at: np.ndarray) -> Panel:
 def _opening(crossing: Recorded, turns: float) -> Panel:
     between = tuple(curve(frame.shapes[0].nodes, "before", axes=(0, 1)) for frame in [*crossing.during("apart")][:-1:3])
     last = curve(crossing.at("apart").shapes[0].nodes, label=f"ends apart: {turns:.2f} turns of twist", axes=(0, 1))
-    return Panel("From above: drawn on, the plane loop opens sideways and turns into twist.", (*between, last), y_label="y [m]")
+    caption = "From above: drawn on, the plane loop opens sideways and turns into twist."
+    return Panel(caption, (*between, last), y_label="y [m]", y_range=(-0.2, 0.3))
 
 
 def _touches(shape: Shape) -> tuple[Mark, ...]:

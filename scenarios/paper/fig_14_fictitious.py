@@ -54,7 +54,7 @@ def _panel(together: Recorded, shape: Shape, caption: str, radius: float = 0.0) 
     opened = curve(together.at("apart").shapes[0].nodes, "before", "before")
     marks = tuple(mark(place, "gripper") for place in shape.nodes[[0, -1]])
     round_it = (_circle(shape, radius),) if radius else ()
-    return Panel(caption, (*round_it, opened, curve(shape.nodes, label="ends brought together")), marks)
+    return Panel(caption, (*round_it, opened, curve(shape.nodes, label="ends brought together")), marks, x_range=(-0.7, 0.7))
 
 
 def _circle(shape: Shape, radius: float) -> Curve:
