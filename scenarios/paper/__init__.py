@@ -24,5 +24,7 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_14_fictitious": ("14",),
     "fig_15_clip": ("15",),
     "fig_17_lost": ("16", "17"),
+    "fig_18_case_study": ("18", "19", "20", "21", "22", "23", "24", "25", "26", "27"),
+    "fig_28_harness": ("28", "29", "30"),
 }
 """Modules of this folder, in the order of the paper, with the names by which they are asked for."""

@@ -43,7 +43,14 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
             abs(apart[1] - apart[0]) < 1e-9,
         ),
     )
-    return Result(phenomena, DIFFERS, (_panel(together, bare, "Transparent."), _panel(together, kept, CAPTION, radius)))
+    return Result(
+        phenomena,
+        DIFFERS,
+        (
+            _panel(together, bare, BARE),
+            _panel(together, kept, CAPTION, radius),
+        ),
+    )
 
 
 def _width(shape: Shape) -> float:
@@ -54,7 +61,7 @@ def _panel(together: Recorded, shape: Shape, caption: str, radius: float = 0.0) 
     opened = curve(together.at("apart").shapes[0].nodes, "before", "before")
     marks = tuple(mark(place, "gripper") for place in shape.nodes[[0, -1]])
     round_it = (_circle(shape, radius),) if radius else ()
-    return Panel(caption, (*round_it, opened, curve(shape.nodes, label="ends brought together")), marks, x_range=(-0.7, 0.7))
+    return Panel(caption, (*round_it, opened, curve(shape.nodes, label="ends brought together")), marks, x_range=(-0.25, 0.6))
 
 
 def _circle(shape: Shape, radius: float) -> Curve:
@@ -63,6 +70,7 @@ def _circle(shape: Shape, radius: float) -> Curve:
     return curve(lowest + radius * np.column_stack([np.cos(angle), np.zeros(73), np.sin(angle)]), "body", "fictitious obstacle")
 
 
+BARE = "Transparent: the fold is as tight as weight and stiffness make it."
 CAPTION = "With fictitious obstacles: the fold lies around one of the least radius."
 DIFFERS = (
     "The paper draws obstacles and the segments that end on them; it prints no numbers. Here no segment is added: the least radius is a"

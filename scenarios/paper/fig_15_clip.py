@@ -51,7 +51,7 @@ def _loops(frame: Frame, which: tuple[int, ...]) -> Panel:
     band = tuple(
         Curve((x, x), (0.0, top), "reference", "5.7 mm, as measured in the paper" if x > 0 else "") for x in (-500 * ACROSS, 500 * ACROSS)
     )
-    return Panel(CAPTIONS[len(which) - 2], (*curves, *band), x_label="x [mm]", y_label="z [mm]", x_range=(-11.0, 11.0))
+    return Panel(CAPTIONS[len(which) - 2], (*curves, *band), x_label="x [mm]", y_label="z [mm]", x_range=(-4.5, 14.0))
 
 
 CAPTIONS = (

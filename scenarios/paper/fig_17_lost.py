@@ -113,7 +113,7 @@ def _postures(motion: list[Frame]) -> Panel:
     chosen = [motion[index] for index in np.linspace(0, len(motion) - 1, POSTURES).round().astype(int)]
     curves = [curve(_points(frame), "cable" if number in (1, POSTURES) else "before") for number, frame in enumerate(chosen, start=1)]
     curves += [curve(_points(frame), "points") for frame in chosen]
-    numbers = tuple(mark(_points(frame)[POINTS // 2], "note", str(number)) for number, frame in enumerate(chosen, start=1))
+    numbers = tuple(mark(_points(frame)[POINTS // 3], "note", str(number)) for number, frame in enumerate(chosen, start=1))
     places = tuple(mark(place, "gripper") for place in motion[0].grasps[0].position)
     peg = mark(motion[0].poses[0, :3], "obstacle", "peg, drawn out along y")
     return Panel(f"Five postures of {POINTS} points, a quarter of a second apart.", tuple(curves), (*places, peg, *numbers))
