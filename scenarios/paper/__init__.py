@@ -20,5 +20,8 @@ from typing import Final
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_3_held": ("3",),
+    "fig_5_history": ("5",),
+    "fig_6_distance": ("6",),
+    "fig_7_motion": ("7",),
 }
 """Modules of this folder, in the order of the paper, with the names by which they are asked for."""
