@@ -20,6 +20,9 @@ from typing import Final
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_3_held": ("3",),
+    "fig_5_history": ("5",),
+    "fig_6_distance": ("6",),
+    "fig_7_motion": ("7",),
     "fig_13_self": ("13",),
     "fig_14_fictitious": ("14",),
     "fig_15_clip": ("15",),

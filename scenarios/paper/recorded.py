@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from protocol.kinds import Outcome
 from protocol.messages import Frame, Shape
 from protocol.recording import FILE_NAME, Frames, read
 from protocol.scene import Scene
+
+APART: Final = 1e-3  # of the length; places nearer to each other are one, as where a point touches both chords at a bend
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,12 @@ def place_at(shape: Shape, s: float) -> np.ndarray:
     return np.array([np.interp(s, shape.s, column) for column in shape.nodes.T])
 
 
+def obstacle(take: Recorded, frame: Frame, name: str = "obstacle") -> np.ndarray:
+    """Where (3,) [m] a body is."""
+    place: np.ndarray = frame.poses[take.body(name), :3]
+    return place
+
+
 def touched(frame: Frame, cable: int = 0) -> np.ndarray:
     """Arc lengths (c,) [m] at which a cable is touched, growing."""
     return np.sort(frame.touching.s[frame.touching.cable == cable])
@@ -83,9 +92,8 @@ def touched(frame: Frame, cable: int = 0) -> np.ndarray:
 
 def slacks(frame: Frame, cable: int = 0) -> list[float]:
     """How much longer each part of a cable between held and touched places is than its chord, over its length; 0 is straight."""
-    shape = frame.shapes[cable]
-    places = np.unique(np.concatenate([frame.grasps[cable].s, touched(frame, cable)]))
-    points = [place_at(shape, s) for s in places]
-    return [
-        float(1.0 - np.linalg.norm(b - a) / (t - s)) for (a, b), (s, t) in zip(pairwise(points), pairwise(places.tolist()), strict=True)
-    ]
+    shape, least = frame.shapes[cable], APART * float(frame.shapes[cable].s[-1])
+    places = sorted([*frame.grasps[cable].s.tolist(), *touched(frame, cable).tolist()])
+    apart = [s for before, s in pairwise([-1.0, *places]) if s - before > least]
+    chords = [float(np.linalg.norm(place_at(shape, t) - place_at(shape, s))) for s, t in pairwise(apart)]
+    return [1.0 - chord / span for chord, span in zip(chords, np.diff(apart).tolist(), strict=True)]

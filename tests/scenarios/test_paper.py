@@ -31,7 +31,7 @@ def test_figures_are_asked_for_by_number_and_come_in_the_order_of_the_paper() ->
     assert len(names) == len(set(names))
     last, first = names[-1], names[0]
     assert list(figures((last, first))) == [module for module, own in MODULES.items() if last in own or first in own]
-    with pytest.raises(CablecosimError, match="figure '99' unknown; there are 3,"):
+    with pytest.raises(CablecosimError, match="figure '99' unknown; there are 3"):
         figures(("99",))
 
 
