@@ -124,6 +124,6 @@ FIGURE = Figure(
     title="Case study I: an obstacle moved through a hanging cable",
     claim="A cable of 12 length units that bears no moments is held at x = 0 and x = 5; an obstacle moves, in space and in time, "
     "through nine points of interest, and the shapes A to I are predicted there, with a bond where it touches.",
-    takes=(Take("case", "case_study_1"),),
+    takes=(Take("case", "case_study_1", ("time_step=0.05",)),),
     measure=measure,
 )
