@@ -35,20 +35,20 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "screenshots 1 and 2",
             "the left arm moves vertically",
-            f"by {_words(ways[0])} m; {counts[0]} contacts, then {counts[1]}",
+            f"{_words(ways[0])}; contacts: {counts[0]}, then {counts[1]}",
             _is_along(ways[0], 2) and counts[0] == 0 < counts[1],
         ),
         Phenomenon(
             "screenshots 2 and 3",
             "horizontally, towards the viewer; the cable interacts with the dashboard",
-            f"by {_words(ways[1])} m; {counts[2]} contacts with {_touched(run, frames[2])}",
+            f"{_words(ways[1])}; contacts with the {_touched(run, frames[2])}: {counts[2]}",
             _is_along(ways[1], 0) and "dashboard" in _touched(run, frames[2]),
         ),
         Phenomenon(
             "screenshots 4 and 5",
             "the same kind of interaction; the motion is vertical",
-            f"by {_words(ways[2])} m, then the right arm to its clip; {counts[3]} and {counts[4]} contacts with {_touched(run, frames[3])}",
-            _is_along(ways[2], 2) and min(counts[3:]) > 0,
+            f"{_words(ways[2])}, then the right arm goes to its clip; contacts with the {_touched(run, frames[4])}: {counts[3]}, {counts[4]}",
+            _is_along(ways[2], 2) and all("dashboard" in _touched(run, frame) for frame in frames[3:]),
         ),
         Phenomenon(
             "the harness and the dashboard",
@@ -80,13 +80,14 @@ def _is_along(way: np.ndarray, axis: int) -> bool:
 
 def _words(way: np.ndarray) -> str:
     axis = int(np.argmax(np.abs(way)))
-    return f"{way[axis]:+.2f} along {'xyz'[axis]}"
+    return f"by {way[axis]:+.2f} m along {'xyz'[axis]}"
 
 
 def _touched(run: Recorded, frame: Frame) -> str:
     """Names of the bodies touched."""
     names = [body.name for body in run.scene.bodies]
-    return " and ".join(sorted({names[body] for body in frame.touching.body.tolist() if body < len(names)})) or "nothing"
+    links = len(frame.poses) - len(names)  # solids are the robot's links, then the bodies
+    return " and ".join(sorted({names[solid - links] for solid in frame.touching.body.tolist() if solid >= links})) or "nothing"
 
 
 def _hand(run: Recorded) -> Panel:
