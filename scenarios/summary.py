@@ -104,7 +104,7 @@ def table(summary: Summary) -> Table:
     if count := summary["steps_with_overlapping_cables"]:
         rows = (*rows, ("cables", f"[red]in each other in {count} steps; contact between two cables is not simulated[/red]"))
     if count := summary["frames_between_equilibria"]:
-        rows = (*rows, ("snaps", f"shown as an artificial motion in {count} frames more"))
+        rows = (*rows, ("snaps", f"shown as an artificial motion, in {count} frame{'s' if count > 1 else ''}"))
     for label, text in rows:
         shown.add_row(label, text)
     return shown

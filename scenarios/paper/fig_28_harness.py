@@ -47,7 +47,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "screenshots 4 and 5",
             "the same kind of interaction; the motion is vertical",
-            f"{_words(ways[2])}, then the right arm goes to its clip; contacts with the {_touched(run, frames[4])}: {counts[3]}, {counts[4]}",
+            f"{_words(ways[2])}, then the right arm to its clip; contacts with the {_touched(run, frames[4])}: {counts[3]}, {counts[4]}",
             _is_along(ways[2], 2) and all("dashboard" in _touched(run, frame) for frame in frames[3:]),
         ),
         Phenomenon(
