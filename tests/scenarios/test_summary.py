@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from recordings import frame, record, shape
 from msgspec.structs import replace
+from recordings import frame, record, shape
 from rich.console import Console
 
 from protocol.kinds import Outcome
