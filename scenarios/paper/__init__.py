@@ -20,8 +20,11 @@ from typing import Final
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_3_held": ("3",),
+    "fig_4_drawn": ("4",),
     "fig_5_history": ("5",),
     "fig_6_distance": ("6",),
     "fig_7_motion": ("7",),
+    "fig_10_11_inclination": ("10", "11"),
+    "fig_12_measured": ("12",),
 }
 """Modules of this folder, in the order of the paper, with the names by which they are asked for."""
