@@ -26,5 +26,6 @@ MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_7_motion": ("7",),
     "fig_10_11_inclination": ("10", "11"),
     "fig_12_measured": ("12",),
+    "touch_down": ("touch_down",),
 }
 """Modules of this folder, in the order of the paper, with the names by which they are asked for."""

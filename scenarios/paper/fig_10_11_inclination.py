@@ -35,7 +35,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "GØ: inclination free",
             "chosen by the mechanics",
-            f"{free:.2f} degrees, without a moment ({moments[1]:.0e} N m)",
+            f"{free:.2f} degrees, without a moment ({moments[1]:.1g} N m)",
             moments[1] < LOOSE,
         ),
         Phenomenon(

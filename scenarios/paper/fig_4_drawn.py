@@ -10,7 +10,7 @@ import numpy as np
 from protocol.messages import Frame
 
 from .figure import Curve, Figure, Panel, Phenomenon, Result, Take, curve, mark
-from .recorded import Recorded, place_at
+from .recorded import Recorded, place_at, touched
 
 COEFFICIENT: Final = 0.4
 SPEED: Final = 0.1  # m/s
@@ -18,6 +18,8 @@ MIDDLE: Final = 0.5  # m, the place of the cable that is watched
 KINDS: Final = ("none", "bond", "signum", "regularized")
 SYMBOLS: Final = {"none": "FØ", "bond": "F∞", "signum": "Fσ", "regularized": "FR"}
 SAME: Final = 1e-3  # of a force
+MOVED: Final = 1e-4  # m in a step; less is rest
+FAR: Final = 0.01  # m in a step; more is a jump
 
 
 def measure(takes: Mapping[str, Recorded]) -> Result:
@@ -25,27 +27,27 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
     way = {kind: np.array([_behind(takes[kind], frame) for frame in takes[kind].during("draw")]) for kind in KINDS}
     drag = {kind: np.array([_drag(frame) for frame in takes[kind].during("draw")]) for kind in KINDS}
     limit = COEFFICIENT * np.array([_carried(frame) for frame in takes["signum"].during("draw")])
-    slides = np.abs(np.diff(way["signum"], prepend=way["signum"][0])) < 1e-6
+    slides = _steps(takes["signum"]) > MOVED
     share = drag["regularized"] / (COEFFICIENT * np.array([_carried(frame) for frame in takes["regularized"].during("draw")]))
-    bond = takes["bond"]
-    stays = np.abs(np.diff([_middle(frame) for frame in bond.during("draw")]))[: _before_stretched(bond)]
+    stays = _steps(takes["bond"])[_lies(takes["bond"])]
     phenomena = (
         Phenomenon(
             f"{SYMBOLS['none']} none",
             "no friction is considered",
-            f"it comes all the way, {1e3 * np.abs(way['none']).max():.1g} mm behind; force {np.abs(drag['none']).max():.0e} N",
+            f"it comes all the way, {1e3 * np.abs(way['none']).max():.1g} mm behind; force {np.abs(drag['none']).max():.1g} N",
             bool(np.abs(way["none"]).max() < 1e-4 and np.abs(drag["none"]).max() < 1e-6),
         ),
         Phenomenon(
             f"{SYMBOLS['bond']} bond",
             "a bond, unless the cable is stretched",
-            f"what lies stays, to {stays.max():.0e} m, for {len(stays)} steps; then the front is straight and it is drawn off, at up to {drag['bond'].max():.2f} N",
-            bool(len(stays) > 2 and stays.max() < 1e-6 and drag["bond"].max() > 3 * limit.max()),
+            f"what lies stays, to {stays.max():.1g} m a step; the front part lifts it off place by place, with up to {drag['bond'].max():.2f} N; "
+            f"it lies down again further on, {int((_steps(takes['bond']) > FAR).sum())} times",
+            bool(len(stays) > 2 and stays.max() < MOVED and drag["bond"].max() > 3 * limit.max()),
         ),
         Phenomenon(
             f"{SYMBOLS['signum']} signum",
             "friction is opposite to the velocity, of steady measure",
-            f"it stays for {int((drag['signum'] < limit * (1 - SAME)).sum())} steps, then slides at {drag['signum'][slides].mean():.4f} N, "
+            f"it stays for {int((~slides).sum())} steps, then slides at {drag['signum'][slides].mean():.4f} N, "
             f"mu N being {limit[slides].mean():.4f} N; {1e3 * way['signum'][-1]:.1f} mm behind",
             bool(np.allclose(drag["signum"][slides], limit[slides], rtol=SAME) and (drag["signum"] <= limit * (1 + SAME)).all()),
         ),
@@ -81,11 +83,18 @@ def _carried(frame: Frame) -> float:
     return float(frame.touching.force[:, 2].sum())
 
 
-def _before_stretched(take: Recorded) -> int:
-    """Steps of the draw before the front part is straight, told by its pull growing beyond what is lying could weigh."""
-    weight = take.weight() * take.scene.cables[0].length
-    pulls = [float(frame.shapes[0].tension.max()) for frame in take.during("draw")]
-    return next((step for step, pull in enumerate(pulls) if pull > weight), len(pulls)) - 1
+def _steps(take: Recorded) -> np.ndarray:
+    """How far [m] the middle of the cable went in each step of the draw."""
+    middle = [_middle(frame) for frame in (take.at("lowered"), *take.during("draw"))]
+    return np.abs(np.diff(middle))
+
+
+def _lies(take: Recorded) -> np.ndarray:
+    """In which steps of the draw the middle of the cable lay before and after."""
+    ends = [touched(frame)[[0, -1]] for frame in (take.at("lowered"), *take.during("draw"))]
+    lies = np.array([first <= MIDDLE <= last for first, last in ends])
+    both: np.ndarray = lies[1:] & lies[:-1]
+    return both
 
 
 def _panel(take: Recorded, kind: str) -> Panel:

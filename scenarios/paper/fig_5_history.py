@@ -35,7 +35,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "what decides",
             "the motion history",
-            f"same grippers and obstacle, to {moved:.0e} m; the place touched is {abs(_place(b) - _place(back)):.2f} m further along the cable",
+            f"same grippers and obstacle, to {moved:.1g} m; the place touched is {abs(_place(b) - _place(back)):.2f} m further along the cable",
             moved < 1e-9 and abs(_place(b) - _place(back)) > 1.0,
         ),
     )

@@ -36,7 +36,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "right gripper to (b2)",
             "at some time the cable ceases to be in contact",
-            f"lost after {sum(count > 0 for count in holding)} of {len(holding)} steps; then one catenary, to {off:.0e} m",
+            f"lost after {sum(count > 0 for count in holding)} of {len(holding)} steps; then one catenary, to {off:.1g} m",
             holding[-1] == 0 and any(holding) and off < 1e-9,
         ),
     )
