@@ -115,16 +115,18 @@ def _costs(angles: np.ndarray, energies: np.ndarray, lengths: np.ndarray, free: 
 
 
 DIFFERS = (
-    "Lengths, weight and stiffness are ours, for the paper gives the x of grippers and obstacle only. The paper has the free inclination from least "
-    "length. Ours comes from equilibrium, which is least energy; at the same pulls it does take less cable than with the inclination "
-    "at zero, but of all inclinations it is not the one that takes least: bending and weight count too. The obstacle stands here as a "
+    "Lengths, weight and stiffness are ours, for the paper gives the x of grippers and obstacle only. The paper has the free inclination "
+    "from least length. Ours comes from equilibrium, which is least energy; at the same pulls it does take less cable than with the "
+    "inclination at zero, but of all inclinations it is not the one that takes least: bending and weight count too. The obstacle stands "
+    "here as a "
     'gripper that holds one place of the cable; a body with `inclination = "fixed"` does so to the cable that touches it.'
 )
 FIGURE = Figure(
     name="Figs. 10 and 11",
     title="Inclination at an intermediate contact, fixed and free",
-    claim="A cable that accepts moments between grippers at x = 0 and x = 5, with an obstacle at x = 3.5. In one case (G∞) its inclination there is "
-    "pre-assumed and zero; in the other (GØ) it is free to be chosen from the solution, as a result of minimizing the length of the cable.",
+    claim="A cable that accepts moments between grippers at x = 0 and x = 5, with an obstacle at x = 3.5. In one case (G∞) its inclination "
+    "there is pre-assumed and zero; in the other (GØ) it is free to be chosen from the solution, as a result of minimizing the length of "
+    "the cable.",
     takes=(Take("inclination", "paper/fig_10_11_inclination"),),
     measure=measure,
 )

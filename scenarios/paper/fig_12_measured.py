@@ -81,18 +81,18 @@ def _dots(points: np.ndarray) -> Curve:
 
 
 DIFFERS = (
-    "The photos of the paper are not to be had, so there is no real cable here: the points were computed by scipy's collocation and not by our "
-    "solver, for a cable that was bent too far beside its left gripper, as the paper's was, with noise of half a millimetre. How far it was "
-    "bent is ours, chosen so that the errors are of the size of the paper's; where the points are of a cable that was not bent too far, only "
-    "noise is left. The paper does not say what its per cent are of: here, of the length of the cable. How to fit a "
-    "cable's stiffness to points of your own: `cablecosim calibrate POINTS.csv POSTURE.toml`."
+    "The photos of the paper are not to be had, so there is no real cable here: the points were computed by scipy's collocation and not by "
+    "our solver, for a cable that was bent too far beside its left gripper, as the paper's was, with noise of half a millimetre. How far "
+    "it was bent is ours, chosen so that the errors are of the size of the paper's; where the points are of a cable that was not bent too "
+    "far, only noise is left. The paper does not say what its per cent are of: here, of the length of the cable. How to fit a cable's "
+    "stiffness to points of your own: `cablecosim calibrate POINTS.csv POSTURE.toml`."
 )
 FIGURE = Figure(
     name="Fig. 12",
     title="A cable with bending against measured points",
-    claim="The model F∞G∞ against a real cable, which suffers from plastic deformation: the (maximum) error is within 1.4 % for the simple curve (a) "
-    "and 1.2 % for the curve with an obstacle (b). Where only the good part of the cable is taken into account (c), plasticity is shown to "
-    "be the main cause of the error.",
+    claim="The model F∞G∞ against a real cable, which suffers from plastic deformation: the (maximum) error is within 1.4 % for the simple "
+    "curve (a) and 1.2 % for the curve with an obstacle (b). Where only the good part of the cable is taken into account (c), plasticity "
+    "is shown to be the main cause of the error.",
     takes=(Take("measured", "paper/fig_12_measured"),),
     measure=measure,
 )

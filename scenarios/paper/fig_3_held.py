@@ -54,8 +54,8 @@ DIFFERS = (
 FIGURE = Figure(
     name="Fig. 3",
     title="Held at two ends, and at intermediate points",
-    claim="Two cables that obey the same (second-order) equation have different shapes, depending on whether they are held at "
-    "intermediate points: obstacles can be handled as extra conditions.",
+    claim="Two cables that obey the same (second-order) equation have different shapes, depending on whether they are held at intermediate "
+    "points: obstacles can be handled as extra conditions.",
     takes=(Take("held", "paper/fig_3_held"),),
     measure=measure,
 )

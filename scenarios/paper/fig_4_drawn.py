@@ -40,7 +40,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             f"{SYMBOLS['bond']} bond",
             "a bond, unless the cable is stretched",
-            f"what lies stays, to {stays.max():.1g} m a step; the front part lifts it off place by place, with up to {drag['bond'].max():.2f} N; "
+            f"what lies stays, to {stays.max():.1g} m a step; the front lifts it off place by place, by up to {drag['bond'].max():.2f} N; "
             f"it lies down again further on, {int((_steps(takes['bond']) > FAR).sum())} times",
             bool(len(stays) > 2 and stays.max() < MOVED and drag["bond"].max() > 3 * limit.max()),
         ),
@@ -54,7 +54,8 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             f"{SYMBOLS['regularized']} regularized",
             "a regularized law: force grows with speed",
-            f"{100 * share.max():.0f} % of mu N at the fastest, {100 * share[-1]:.0f} % at the end; {1e3 * way['regularized'][-1]:.1f} mm behind",
+            f"{100 * share.max():.0f} % of mu N at the fastest, {100 * share[-1]:.0f} % at the end; "
+            f"{1e3 * way['regularized'][-1]:.1f} mm behind",
             bool(0.5 < share.max() < 1.0 and share[-1] < 0.5 * share.max()),
         ),
     )
@@ -103,7 +104,7 @@ def _panel(take: Recorded, kind: str) -> Panel:
     curves = (curve(after.shapes[0].nodes), curve(before.shapes[0].nodes, "reference"), ground)
     marks = [mark(place, "gripper") for place in after.grasps[0].position]
     marks += [mark(place_at(frame.shapes[0], MIDDLE), "contact") for frame in (before, after)]
-    numbers = {"none": "", "bond": "", "signum": f", mu = {COEFFICIENT}", "regularized": f", mu = {COEFFICIENT}, v0 = {SPEED} m/s"}[kind]
+    numbers = {"signum": f", mu = {COEFFICIENT}", "regularized": f", mu = {COEFFICIENT}, v0 = {SPEED} m/s"}.get(kind, "")
     caption = f"{SYMBOLS[kind]}, `{kind}`{numbers}. Dashed: before the draw. Crosses: the middle of the cable."
     return Panel(caption, curves, tuple(marks), x_range=(-0.05, 1.1), y_range=(-0.03, 0.3))
 
@@ -111,10 +112,9 @@ def _panel(take: Recorded, kind: str) -> Panel:
 def _forces(takes: Mapping[str, Recorded], drag: Mapping[str, np.ndarray]) -> Panel:
     curves = []
     for kind in KINDS:
-        hands = [
-            1e2 * float(f.grasps[0].position[0, 0] - takes[kind].at("lowered").grasps[0].position[0, 0]) for f in takes[kind].during("draw")
-        ]
-        curves.append(Curve(tuple(hands), tuple(drag[kind].tolist()), "cable", f"{SYMBOLS[kind]} {kind}"))
+        begun = float(takes[kind].at("lowered").grasps[0].position[0, 0])
+        hands = tuple(1e2 * (float(frame.grasps[0].position[0, 0]) - begun) for frame in takes[kind].during("draw"))
+        curves.append(Curve(hands, tuple(drag[kind].tolist()), "cable", f"{SYMBOLS[kind]} {kind}"))
     return Panel(
         "What it takes to draw, over the way of the hands. Without friction nothing; the bond goes off the scale.",
         tuple(curves),
@@ -128,15 +128,16 @@ def _forces(takes: Mapping[str, Recorded], drag: Mapping[str, np.ndarray]) -> Pa
 
 DIFFERS = (
     "The paper prints a sketch and names the kinds; numbers and ways are ours. Its fifth kind, Fd, is a table of speed and force: "
-    '`friction = "defined"`. Both ends are held and the belly lies, so that the posture before the draw is one and the same for all kinds. A bond that '
-    "is drawn off lets go of the ground place by place, rear to front or front to rear, as each would have to pull."
+    '`friction = "defined"`. Both ends are held and the belly lies, so that the posture before the draw is one and the same for all '
+    "kinds. A bond lets go of the ground where it would have to pull, from the front on; when the last place has let go, the cable lies "
+    "down further on."
 )
 FIGURE = Figure(
     name="Fig. 4",
     title="Part of the cable lies on the ground, and is drawn along it",
-    claim="Cases where a part of the cable is on the ground and is being drawn are highly dependent on the contact type between cable and ground: "
-    "F∞, a bond unless the cable is stretched; FØ, no friction; FR, a regularized law; Fσ, the signum function, opposite to the velocity; "
-    "Fd, a definition function.",
+    claim="Cases where a part of the cable is on the ground and is being drawn are highly dependent on the contact type between cable and "
+    "ground: F∞, a bond unless the cable is stretched; FØ, no friction; FR, a regularized law; Fσ, the signum function, opposite to the "
+    "velocity; Fd, a definition function.",
     takes=(
         Take("none", "paper/fig_4_drawn"),
         Take("bond", "paper/fig_4_drawn", ("bodies.ground.friction=bond",)),

@@ -58,8 +58,8 @@ DIFFERS = "The paper prints no numbers: the ways of the gripper are ours."
 FIGURE = Figure(
     name="Fig. 7",
     title="Motion as condition",
-    claim="A catenary merely touches an obstacle that it is bonded to (F∞). If the right gripper reaches (b1), the constraint continues to exist; "
-    "if it moves towards (b2), there is a time at which the cable ceases to be in contact.",
+    claim="A catenary merely touches an obstacle that it is bonded to (F∞). If the right gripper reaches (b1), the constraint continues to "
+    "exist; if it moves towards (b2), there is a time at which the cable ceases to be in contact.",
     takes=(Take("motion", "paper/fig_7_motion"),),
     measure=measure,
 )

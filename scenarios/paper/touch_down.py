@@ -86,7 +86,8 @@ def _ways(takes: Mapping[str, Recorded]) -> Panel:
         height = tuple(1e2 * float(frame.grasps[0].position[1, 2]) for frame in frames)
         curves.append(Curve(height, tuple(1e2 * _x(frame) for frame in frames), "cable", words))
     return Panel(
-        "Where the mark is, over the height of the front hand: one line there and back, a line that is level while the mark lies, or a loop.",
+        "Where the mark is, over the height of the front hand: one line there and back, a line that is level while the mark lies, or a "
+        "loop.",
         tuple(curves),
         x_label="height of the front hand [cm]",
         y_label="x of the mark [cm]",
@@ -96,27 +97,28 @@ def _ways(takes: Mapping[str, Recorded]) -> Panel:
 
 
 DIFFERS = (
-    "The paper names the experiment and does not describe it; this one is ours. It is a scene here, with the outcome that each kind of contact "
-    "has; what your cable does on your table decides which kind is right for it. More in docs/touch_down.md."
+    "The paper names the experiment and does not describe it; this one is ours. It is a scene here, with the outcome that each kind of "
+    "contact has; what your cable does on your table decides which kind is right for it. More in docs/touch_down.md."
 )
 PROCEDURE = (
-    "Take the cable by two places a metre apart, with a strip of tape half-way. Hold the rear one 20 cm above a table, the front one 80 cm in front of "
-    "it and 45 cm above the table, so that the cable hangs free.",
-    "Lower the front hand by 22 cm within some ten seconds, straight down, and raise it again. At every 2 cm write down where the tape "
-    "is along the table, and whether it lies. (A film with a ruler in it does.)",
-    "Do it again in two seconds. If the tape is elsewhere by more than you can read off, a quasi-static model will not do for the faster motion.",
-    "Draw the place of the tape over the height of the hand, as in the last plot. The same way there and back: `none` (FØ). Level while the tape "
-    "lies: `bond` (F∞). A loop: friction, `signum` (Fσ); if a slower motion makes a narrower loop, `regularized` (FR).",
-    "For a loop, find the coefficient with which the scene has yours: `cablecosim run paper/touch_down --set bodies.ground.friction=signum --set "
-    "bodies.ground.friction_coefficient=0.4`, with the mass and the stiffness of your cable.",
-    "For the stiffness, measure points of the cable while it hangs free and give them to `cablecosim calibrate POINTS.csv POSTURE.toml`; it "
-    "says how well each number is determined.",
+    "Take the cable by two places a metre apart, with a strip of tape half-way. Hold the rear one 20 cm above a table, the front one 80 cm "
+    "in front of it and 45 cm above the table, so that the cable hangs free.",
+    "Lower the front hand by 22 cm within some ten seconds, straight down, and raise it again. At every 2 cm write down where the tape is "
+    "along the table, and whether it lies. (A film with a ruler in it does.)",
+    "Do it again in two seconds. If the tape is elsewhere by more than you can read off, a quasi-static model will not do for the faster "
+    "motion.",
+    "Draw the place of the tape over the height of the hand, as in the last plot. The same way there and back: `none` (FØ). Level while "
+    "the tape lies: `bond` (F∞). A loop: friction, `signum` (Fσ); if a slower motion makes a narrower loop, `regularized` (FR).",
+    "For a loop, find the coefficient with which the scene has yours: `cablecosim run paper/touch_down --set bodies.ground.friction=signum "
+    "--set bodies.ground.friction_coefficient=0.4`, with the mass and the stiffness of your cable.",
+    "For the stiffness, measure points of the cable while it hangs free and give them to `cablecosim calibrate POINTS.csv POSTURE.toml`; "
+    "it says how well each number is determined.",
 )
 FIGURE = Figure(
     name="Touch-down",
     title="An experiment that tells which kind of contact fits",
-    claim="A touch-down experiment can be used to find out whether the quasi-static approach is appropriate, and a series of them to validate the "
-    "type of interaction in each case study.",
+    claim="A touch-down experiment can be used to find out whether the quasi-static approach is appropriate, and a series of them to "
+    "validate the type of interaction in each case study.",
     takes=(
         Take("none", "paper/touch_down"),
         Take("bond", "paper/touch_down", ("bodies.ground.friction=bond",)),

@@ -1,7 +1,7 @@
 """Makes `scenarios/paper/fig_12_points.csv`: points on a cable as a photo would give them, by scipy's `solve_bvp` and not by our solver.
 
-The photos of the paper are not to be had. In their place stands a cable in its plane, with M = EI (theta' - k(s)) and a natural curvature k that
-it was given by plastic bending beside the left gripper, which the simulation knows nothing of:
+The photos of the paper are not to be had. In their place stands a cable in its plane, with M = EI (theta' - k(s)) and a natural curvature k
+that it was given by plastic bending beside the left gripper, which the simulation knows nothing of:
 
     x' = cos theta,   z' = sin theta,   theta' = M / EI + k(s),   M' = H sin theta - (V + w s) cos theta
 
