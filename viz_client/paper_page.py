@@ -20,7 +20,9 @@ STYLE: Final = (
     ".lead{max-width:50rem;color:var(--soft)}section{margin-top:3rem;padding-top:1.6rem;border-top:2px solid var(--line)}"
     ".claim{background:var(--tint);border-left:4px solid #00798c;padding:.7rem 1rem;margin:0 0 1.2rem;max-width:62rem}"
     ".claim b,.differs b{display:block;font-size:.75rem;letter-spacing:.06em;text-transform:uppercase;color:var(--soft)}"
-    ".panels{display:grid;grid-template-columns:repeat(auto-fill,minmax(21rem,1fr));gap:1.2rem 1.6rem;align-items:start}"
+    ".panels{display:grid;grid-template-columns:repeat(3,1fr);gap:1.2rem 1.6rem;align-items:start}"
+    ".panels.two{grid-template-columns:1fr 1fr}"
+    "@media(max-width:50rem){.panels,.panels.two{grid-template-columns:1fr}}"
     "figure{margin:0}figure.wide{grid-column:1/-1}figure svg,figure img{width:100%;height:auto;display:block}"
     "figcaption{font-size:.9rem;color:var(--soft);padding:.2rem .4rem 0}"
     "table{border-collapse:collapse;font-size:.92rem;width:100%;margin:1.2rem 0}"
@@ -73,11 +75,13 @@ def _contents(figures: list[dict[str, Any]], seconds: float) -> str:
 def _section(figure: dict[str, Any], folder: Path) -> str:
     panels = "".join(_panel(panel, number, figure["module"]) for number, panel in enumerate(figure["panels"]))
     pictures = "".join(_picture(one, folder) for one in figure["screenshots"])
+    count = sum(not panel["is_wide"] for panel in figure["panels"]) + len(figure["screenshots"])
+    columns = "panels" if count > 4 or count == 3 else "panels two"
     steps = "".join(f"<li>{_text(step)}</li>" for step in figure["procedure"])
     differs = f'<p class="differs"><b>what differs, and why</b>{_text(figure["differs"])}</p>' if figure["differs"] else ""
     return (
         f'<section id="{figure["module"]}"><h2>{html.escape(figure["name"])} &middot; {html.escape(figure["title"])}</h2>'
-        f'<p class="claim"><b>the paper says</b>{_text(figure["claim"])}</p><div class="panels">{panels}{pictures}</div>'
+        f'<p class="claim"><b>the paper says</b>{_text(figure["claim"])}</p><div class="{columns}">{panels}{pictures}</div>'
         f"{_table(figure['phenomena'])}{differs}{f'<ol>{steps}</ol>' if steps else ''}{_how(figure)}</section>"
     )
 

@@ -20,14 +20,18 @@ from typing import Final
 
 MODULES: Final[dict[str, tuple[str, ...]]] = {
     "fig_3_held": ("3",),
+    "fig_4_drawn": ("4",),
     "fig_5_history": ("5",),
     "fig_6_distance": ("6",),
     "fig_7_motion": ("7",),
+    "fig_10_11_inclination": ("10", "11"),
+    "fig_12_measured": ("12",),
     "fig_13_self": ("13",),
     "fig_14_fictitious": ("14",),
     "fig_15_clip": ("15",),
     "fig_17_lost": ("16", "17"),
     "fig_18_case_study": ("18", "19", "20", "21", "22", "23", "24", "25", "26", "27"),
     "fig_28_harness": ("28", "29", "30"),
+    "touch_down": ("touch_down",),
 }
 """Modules of this folder, in the order of the paper, with the names by which they are asked for."""

@@ -25,13 +25,13 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "cable [a2], held at its ends",
             "one catenary",
-            f"horizontal pull {free[0]:.3f} N; nodes off the catenary of that pull by {free[1]:.0e} m",
+            f"horizontal pull {free[0]:.3f} N; nodes off the catenary of that pull by {free[1]:.1g} m",
             free[1] < OFF,
         ),
         Phenomenon(
             "cable [a1], held at two places more",
             "another shape by the same equation",
-            f"three catenaries, of {', '.join(f'{pull:.3f}' for pull in pulls)} N; off them by {max(off for _, off in held):.0e} m",
+            f"three catenaries, of {', '.join(f'{pull:.3f}' for pull in pulls)} N; off them by {max(off for _, off in held):.1g} m",
             len(held) == 3 and max(off for _, off in held) < OFF and np.ptp(pulls) > 0.1 * free[0],
         ),
     )
@@ -54,8 +54,8 @@ DIFFERS = (
 FIGURE = Figure(
     name="Fig. 3",
     title="Held at two ends, and at intermediate points",
-    claim="Two cables that obey the same (second-order) equation have different shapes, depending on whether they are held at "
-    "intermediate points: obstacles can be handled as extra conditions.",
+    claim="Two cables that obey the same (second-order) equation have different shapes, depending on whether they are held at intermediate "
+    "points: obstacles can be handled as extra conditions.",
     takes=(Take("held", "paper/fig_3_held"),),
     measure=measure,
 )

@@ -35,7 +35,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "what decides",
             "the motion history",
-            f"same grippers and obstacle, to {moved:.0e} m; the place touched is {abs(_place(b) - _place(back)):.2f} m further along the cable",
+            f"same grippers and obstacle, to {moved:.1g} m; {abs(_place(b) - _place(back)):.2f} m of cable are on the other side of it",
             moved < 1e-9 and abs(_place(b) - _place(back)) > 1.0,
         ),
     )
@@ -92,16 +92,17 @@ def _way(take: Recorded, *moves: str) -> Curve:
 
 
 DIFFERS = (
-    "The paper prints no coordinates: A, B, C, D, P and Q are ours, where two postures exist at P and one at Q. A part that is stretched over "
-    "an obstacle without friction is not quite straight, for it has weight and the tension is the same on both sides. From P to Q the obstacle "
-    "goes around below, where the cable follows it without a jump; straight across, the cable would snap from one side to the other."
+    "The paper prints no coordinates: A, B, C, D, P and Q are ours, where two postures exist at P and one at Q. A part that is stretched "
+    "over an obstacle without friction is not quite straight, for it has weight and the tension is the same on both sides. From P to Q the "
+    "obstacle goes around below, where the cable follows it without a jump; straight across, the cable would snap from one side to the "
+    "other."
 )
 FIGURE = Figure(
     name="Fig. 5",
     title="An obstacle without friction (FØ), and two postures for one place of it",
-    claim="As the grippers are lowered from (a), an obstacle at P splits the cable into two parts, posture [b]. With the obstacle at Q, weight "
-    "and tension give [c], which has a stretched part. [c] is acceptable for P too: an ambiguity, and the motion history says which of the "
-    "two it is.",
+    claim="As the grippers are lowered from (a), an obstacle at P splits the cable into two parts, posture [b]. With the obstacle at Q, "
+    "weight and tension give [c], which has a stretched part. [c] is acceptable for P too: an ambiguity, and the motion history says which "
+    "of the two it is.",
     takes=(Take("history", "paper/fig_5_history"),),
     measure=measure,
 )

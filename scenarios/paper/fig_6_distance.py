@@ -65,15 +65,15 @@ def _panel(take: Recorded) -> Panel:
 
 
 DIFFERS = (
-    "The paper prints no numbers: those of the obstacle and of the way are ours. The paper's bond gives way to a part that is straight by stretching "
-    "the other one out; ours says how: cable is drawn over the obstacle, and does not go back. Where the paper warns of a catastrophe, the run "
-    "ends with a sentence, and no stretched cable is shown."
+    "The paper prints no numbers: those of the obstacle and of the way are ours. The paper's bond gives way to a part that is straight by "
+    "stretching the other one out; ours says how: cable is drawn over the obstacle, and does not go back. Where the paper warns of a "
+    "catastrophe, the run ends with a sentence, and no stretched cable is shown."
 )
 FIGURE = Figure(
     name="Fig. 6",
     title="A bond (F∞), and distance as criterion",
-    claim="The cable is bonded to the obstacle. As the grippers are lowered to (b) it is split into two catenaries. The left gripper moves on to the "
-    "left until, at E, one part is a straight line and the other a catenary (c). Further away than half the cable's length, both "
+    claim="The cable is bonded to the obstacle. As the grippers are lowered to (b) it is split into two catenaries. The left gripper moves "
+    "on to the left until, at E, one part is a straight line and the other a catenary (c). Further away than half the cable's length, both "
     "parts are stretched out (d), with end F: an extreme reachable configuration, beyond which it may be catastrophical.",
     takes=(Take("distance", "paper/fig_6_distance"),),
     measure=measure,

@@ -36,7 +36,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         Phenomenon(
             "right gripper to (b2)",
             "at some time the cable ceases to be in contact",
-            f"lost after {sum(count > 0 for count in holding)} of {len(holding)} steps; then one catenary, to {off:.0e} m",
+            f"lost after {sum(count > 0 for count in holding)} of {len(holding)} steps; then one catenary, to {off:.1g} m",
             holding[-1] == 0 and any(holding) and off < 1e-9,
         ),
     )
@@ -58,8 +58,8 @@ DIFFERS = "The paper prints no numbers: the ways of the gripper are ours."
 FIGURE = Figure(
     name="Fig. 7",
     title="Motion as condition",
-    claim="A catenary merely touches an obstacle that it is bonded to (F∞). If the right gripper reaches (b1), the constraint continues to exist; "
-    "if it moves towards (b2), there is a time at which the cable ceases to be in contact.",
+    claim="A catenary merely touches an obstacle that it is bonded to (F∞). If the right gripper reaches (b1), the constraint continues to "
+    "exist; if it moves towards (b2), there is a time at which the cable ceases to be in contact.",
     takes=(Take("motion", "paper/fig_7_motion"),),
     measure=measure,
 )
