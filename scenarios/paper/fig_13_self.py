@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from protocol.cable import Cable, cable_mistakes
+from protocol.kinds import SelfInteraction
 from protocol.messages import Shape
 
 from .figure import Figure, Mark, Panel, Phenomenon, Result, Take, curve, mark
@@ -59,7 +62,7 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         "Wound up, touching itself: the strands lie on each other.",
     )
     curled = tuple(Panel(caption, (curve(after.shapes[k].nodes),), _touches(after.shapes[k])) for k, caption in enumerate(captions))
-    return Result(phenomena, DIFFERS, (_plane(crossing, at), _opening(crossing, turns), *curled))
+    return Result(phenomena, DIFFERS + _of_bond(wound.scene.cables[1]), (_plane(crossing, at), _opening(crossing, turns), *curled))
 
 
 def closest(shape: Shape) -> tuple[float, np.ndarray]:
@@ -98,9 +101,15 @@ def _touches(shape: Shape) -> tuple[Mark, ...]:
     return tuple(mark(place_at(shape, s), "contact") for s in pushes.s[pressed, 0])
 
 
+def _of_bond(cable: Cable) -> str:
+    """What becomes of a bond of the cable with itself, in place of contact."""
+    refused = [sentence for _, sentence in cable_mistakes(replace(cable, self_interaction=SelfInteraction.BOND))]
+    return f" Its bond of a cable with itself is refused here: `{refused[0]}`." if refused else ""
+
+
 DIFFERS = (
-    "The paper prints a picture only; all numbers are ours. It has the transparent cable in two dimensions. In three, and stable only "
-    "where it is, the plane loop lasts until it is drawn tight. One-sided contact is in place of the bond of a cable with itself."
+    "The paper prints a picture only; all numbers are ours. It has the transparent cable in two dimensions. Here it is in three, and "
+    "the plane loop lasts until it is drawn tight. One-sided contact is ours."
 )
 FIGURE = Figure(
     name="Fig. 13",
