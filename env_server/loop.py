@@ -69,6 +69,13 @@ class Loop:
         """The next time step; `first` must have been called."""
         return self._measured(step, self._stage.at_step(step), self._now)
 
+    def tried(self, step: int, goal: Posture, before: Stepped) -> Stepped:
+        """Where a step from `before` to another posture ends. The loop goes on as if it had not been asked."""
+        kept = self._reach, self._reach_links, self._reach_own, self._collisions
+        posture, cables, rounds = self._go(step, goal, before, 0)
+        self._reach, self._reach_links, self._reach_own, self._collisions = kept
+        return replace(before, posture=posture, cables=cables, rounds=rounds)
+
     def _measured(self, step: int, goal: Posture, before: Stepped | None) -> Stepped:
         begun, coded = time.perf_counter(), self._asker.coding
         self._meter = Meter()
@@ -127,8 +134,7 @@ class Loop:
         posture, cables, rounds = self._go(step, middle, before, depth + 1)
         if any(cable.shape.outcome is not Outcome.CONVERGED for cable in cables):
             return posture, cables, done.rounds + rounds
-        half = replace(before, posture=posture, cables=cables)
-        posture, cables, more = self._go(step, goal, half, depth + 1)
+        posture, cables, more = self._go(step, goal, replace(before, posture=posture, cables=cables), depth + 1)
         return posture, cables, done.rounds + rounds + more
 
     def _try(self, step: int, goal: Posture, before: Stepped | None, *, may_jump: bool) -> _Try:

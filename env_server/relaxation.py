@@ -20,8 +20,7 @@ period), so that zeta = (2 / 3 pi) rho c D A / m, with m the mass per metre. Fro
 Air damps a cable of 90 g/m so little (zeta below 0.01) that it would swing for minutes; wires that rub against each other stop a
 real one far sooner, and are not in these numbers.
 
-A snap is a step in which a node goes more than `SUDDEN` times as far as anything that drives it (grippers, bodies, links), and further
-than `NOTICED` of the length.
+What counts as a snap is in `snap.py`.
 
 Source: c = 1.2 across a cylinder and rho = 1.2 kg/m^3: Hoerner 1965, "Fluid-dynamic drag", ch. 3.
 """
@@ -42,13 +41,11 @@ from .boundary import NO_PUSHES
 from .hanging import Hanging
 from .motion import quintic
 from .polyline import points_at
-from .poses import moves
 from .remesh import blended
+from .snap import Tried, farthest, has_snapped
 from .stage import Posture, Stage
 from .stepped import Stepped
 
-SUDDEN: Final = 15.0  # a taut cable that is let go by x sinks by more than x
-NOTICED: Final = 0.02  # of the length
 AIR, DRAG = 1.2, 1.2  # kg/m^3; of a cylinder across the flow
 PERIODS: Final = 2.0  # of the oscillation that are shown
 CALM: Final = 0.6  # share of the time after which an oscillation is led to rest
@@ -63,27 +60,13 @@ class Moment:
     stepped: Stepped
 
 
-def between(stage: Stage, before: Stepped, after: Stepped, given: Relaxation) -> tuple[float, Iterator[Moment]] | None:
+def between(stage: Stage, tried: Tried, before: Stepped, after: Stepped, given: Relaxation) -> tuple[float, Iterator[Moment]] | None:
     """How long the cables take from one step to the next [s], and the moments on their way; None if they have not snapped."""
-    if not any(has_snapped(stage, before, after, index) for index in range(len(after.cables))):
+    if not any(has_snapped(stage, tried, before, after, index) for index in range(len(after.cables))):
         return None
     time = given.time if given.time is not None else max(_estimated(stage, before, after, i, given) for i in range(len(after.cables)))
     count = max(1, math.ceil(time / stage.scene.time_step - 1e-6))
     return time, (_moment(stage, before, after, time, step / count, given) for step in range(1, count))
-
-
-def has_snapped(stage: Stage, before: Stepped, after: Stepped, index: int) -> bool:
-    """Whether a cable went much further than what drives it."""
-    cable = stage.scene.cables[index]
-    was, now = before.cables[index].shape, after.cables[index].shape
-    far = float(np.linalg.norm(now.nodes - points_at(was, now.s), axis=1).max())
-    if far < NOTICED * cable.length:
-        return False
-    first, last = before.posture, after.posture
-    driven = [moves(first.surfaces, last.surfaces, np.where(np.isfinite(stage.extents), stage.extents, 0.0))]
-    held = [np.hstack([posture.positions, posture.quaternions]) for posture in (first, last)]
-    driven.append(moves(held[0], held[1], np.full(len(held[0]), cable.length)))
-    return far > SUDDEN * max(float(part.max(initial=0.0)) for part in driven)
 
 
 def share_of_way(passed: float, overshoot: float) -> float:
@@ -120,7 +103,7 @@ def restoration_time(nodes: np.ndarray, axis: tuple[np.ndarray, np.ndarray], gra
 def _estimated(stage: Stage, before: Stepped, after: Stepped, index: int, given: Relaxation) -> float:
     cable, shape = stage.scene.cables[index], after.cables[index].shape
     held = after.posture.positions[stage.holders(cable.name)]
-    amplitude = float(np.linalg.norm(shape.nodes - points_at(before.cables[index].shape, shape.s), axis=1).max())
+    amplitude = farthest(before.cables[index].shape, shape)
     drag = 2.0 / (3.0 * math.pi) * AIR * DRAG * cable.diameter / max(cable.mass_per_length, 1e-9)
     gravity = max(float(np.linalg.norm(stage.scene.gravity)), 1e-3)
     once = restoration_time(shape.nodes, (held[0], held[-1]), gravity, drag * amplitude)

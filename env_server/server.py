@@ -6,6 +6,8 @@ import hashlib
 import platform
 import time
 import uuid
+from dataclasses import replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
@@ -19,7 +21,7 @@ from protocol.errors import CablecosimError, PeerLostError, RecordingError
 from protocol.keys import Keys
 from protocol.kinds import Outcome
 from protocol.messages import Finished, Frame, Shape, Snapshot
-from protocol.scene import Scene
+from protocol.scene import Relaxation, Scene
 
 from . import touch
 from .asking import Asker
@@ -199,7 +201,7 @@ class Run:
             shapes = shown(stepped, shapes)
             try:
                 if self._scene.relaxation is not None and step and not sentence:
-                    self._relax(stage, before, stepped, step)
+                    stepped = self._relax(stage, loop, before, stepped, step, self._scene.relaxation)
                 frame = self._frame(stage, stepped, shapes, step, wait)
                 if sentence:
                     self._outlet.last(encode(frame))
@@ -218,22 +220,23 @@ class Run:
         self._outlet.last(encode(finished))
         return "" if was_stopped else sentence
 
-    def _relax(self, stage: Stage, before: Stepped, after: Stepped, step: int) -> None:
-        """Publish what is between two steps if a cable has snapped; the path goes on when it is at rest."""
+    def _relax(self, stage: Stage, loop: Loop, before: Stepped, after: Stepped, step: int, given: Relaxation) -> Stepped:
+        """Publish what is between two steps if a cable has snapped; the path goes on when it is at rest. Looking for it is on the bill."""
         from . import relaxation
 
-        assert self._scene.relaxation is not None
-        found = relaxation.between(stage, before, after, self._scene.relaxation)
-        if found is None:
-            return
-        begun, late = before.posture.time, self._late
-        for moment in found[1]:
-            self._late = late + begun + moment.time - moment.stepped.posture.time
-            shapes = tuple(cable.shape for cable in moment.stepped.cables)
-            self._outlet.between(encode(self._frame(stage, moment.stepped, shapes, -1, 0.0, relaxing=moment.share)))
-            self._has_sent()
-        self._late = late + max(0.0, found[0] - (after.posture.time - begun))
+        begun = time.perf_counter()
+        found = relaxation.between(stage, partial(loop.tried, step), before, after, given)
+        priced = replace(after, bill=msgspec.structs.replace(after.bill, total=after.bill.total + time.perf_counter() - begun))
+        if found is not None:
+            start, late = before.posture.time, self._late
+            for moment in found[1]:
+                self._late = late + start + moment.time - moment.stepped.posture.time
+                shapes = tuple(cable.shape for cable in moment.stepped.cables)
+                self._outlet.between(encode(self._frame(stage, moment.stepped, shapes, -1, 0.0, relaxing=moment.share)))
+                self._has_sent()
+            self._late = late + max(0.0, found[0] - (after.posture.time - start))
         stage.put(after.posture)
+        return priced
 
     def _has_sent(self) -> None:
         """Count a frame, and put what it took on the next bill."""

@@ -234,6 +234,22 @@ def accuracy(
 
 
 @app.command
+def paper(
+    figure: Annotated[list[str] | None, Parameter(negative=(), help="Figures by their numbers, or touch_down; all unless given.")] = None,
+    *,
+    out: Annotated[Path | None, Parameter(help="A new folder for page, report and recordings; runs/paper-TIME unless given.")] = None,
+    kernels: Annotated[Literal["auto", "compiled", "numpy"], Parameter(help="Solve by compiled kernels if ready, or as named.")] = "auto",
+) -> int:
+    """Reproduce the figures of the paper: run a scene for each in three processes, and put its claim beside what was measured.
+
+    Exit code 1 if anything is not as the paper says.
+    """
+    from .paper.report import report
+
+    return report(figure or (), out, kernels)
+
+
+@app.command
 def audit(
     *,
     cases: Annotated[int, Parameter(help="How many random requests.")] = 1000,

@@ -53,6 +53,7 @@ def launch(
     out: Path | None = None,
     kernels: str = "auto",
     replay: bool = True,
+    pictures: bool = True,
     silence: float = SILENCE,
     keys: Path | None = None,
 ) -> Ended:
@@ -65,6 +66,7 @@ def launch(
         out: The run folder; without it, `runs/<name>-<time>/` is made.
         kernels: "auto", "compiled" or "numpy", for the shape server.
         replay: Whether to write `replay.html`.
+        pictures: Whether to draw the key postures.
         silence: [s] Without a sign of life after which a program is ended and started again.
         keys: Folder of keys to encrypt with; see `protocol.keys`.
 
@@ -82,7 +84,7 @@ def launch(
         run.wait_until_ready()
         folder = run.open_folder(out or Path("runs") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}")
         try:
-            run.follow(replay=replay)
+            run.follow(replay=replay, pictures=pictures)
         except KeyboardInterrupt:
             interrupted = True
             run.stop()
@@ -160,10 +162,11 @@ class _Run:
         self._show.say(f"recording to {made}")
         return made
 
-    def follow(self, *, replay: bool) -> None:
+    def follow(self, *, replay: bool, pictures: bool) -> None:
         """Start the recorder and the run, and wait for the end of both."""
         assert self._folder is not None
-        options = (*self._options, *(() if replay else ("--no-replay",)), "--patience", f"{START_LIMIT:g}")
+        wanted = [word for word, is_wanted in (("--no-replay", replay), ("--no-pictures", pictures)) if not is_wanted]
+        options = (*self._options, *wanted, "--patience", f"{START_LIMIT:g}")
         arguments = ("--frames", self._frames, "--control", self._control, "--out", str(self._folder), *options)
         self._keeper.start("viz_client", arguments, again=(*arguments, "--resume"))
         self._watch.follow(self._folder)
@@ -186,7 +189,7 @@ class _Run:
             time.sleep(POLL)
         if state is not None:
             self._show.step(state.step, state.steps, contacts)
-        self._show.say("drawing pictures and the replay page" if replay else "drawing pictures")
+        self._show.say("drawing pictures and the replay page" if replay else "drawing pictures" if pictures else "recording")
         self._await_recorder()
 
     def stop(self) -> None:

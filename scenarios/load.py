@@ -19,6 +19,7 @@ from .quantity import Mistake
 from .spelling import meant
 
 GENERATED: Final = ("dashboard", "beam")  # bodies that env_server can generate
+FOLDERS: Final = ("", "paper/")  # of the scenes that come with the project
 ROBOTS: Final = ("dual_panda",)  # robots that env_server can build
 
 
@@ -39,8 +40,10 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def built_in() -> list[str]:
-    """Names of the scenes that come with the project."""
-    return sorted(entry.name.removesuffix(".toml") for entry in resources.files(__package__).iterdir() if entry.name.endswith(".toml"))
+    """Names of the scenes that come with the project; those of the paper's figures begin with their folder, "paper/"."""
+    ours = resources.files(__package__)
+    found = ((folder, entry.name) for folder in FOLDERS for entry in (ours / folder).iterdir())
+    return sorted(f"{folder}{name.removesuffix('.toml')}" for folder, name in found if name.endswith(".toml"))
 
 
 def title(name: str) -> str:
@@ -71,7 +74,8 @@ def _open(name_or_path: str) -> tuple[str, str, Path]:
     path = Path(name_or_path)
     if not (path.suffix == ".toml" or path.exists() or path.parent != Path()):
         close = meant(name_or_path, built_in())
-        choice = f"did you mean '{close}'?" if close else f"there are {', '.join(repr(name) for name in built_in())},"
+        own = ", ".join(repr(name) for name in built_in() if "/" not in name)
+        choice = f"did you mean '{close}'?" if close else f"there are {own} and the paper's figures, see `cablecosim list`,"
         raise SceneError(f"scene '{name_or_path}' unknown; {choice} or give the path of a .toml file", key=name_or_path)
     return name_or_path, read_text(path), path.resolve().parent
 

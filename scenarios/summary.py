@@ -46,7 +46,9 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
     """
     tally = _Tally()
     for frame in run.frames:
-        if not frame.relaxation:  # what is shown on the way from one equilibrium to the next was not solved
+        if frame.relaxation:  # what is shown on the way from one equilibrium to the next was not solved
+            tally.between += 1
+        else:
             tally.add(frame, run.snapshot.scene)
     finished = run.finished
     return {
@@ -101,6 +103,8 @@ def table(summary: Summary) -> Table:
     )
     if count := summary["steps_with_overlapping_cables"]:
         rows = (*rows, ("cables", f"[red]in each other in {count} steps; contact between two cables is not simulated[/red]"))
+    if count := summary["frames_between_equilibria"]:
+        rows = (*rows, ("snaps", f"shown as an artificial motion, in {count} frame{'s' if count > 1 else ''}"))
     for label, text in rows:
         shown.add_row(label, text)
     return shown
@@ -115,7 +119,7 @@ class _Tally:
         self._most: dict[str, float] = {}
         self._paths: Counter[str] = Counter()
         self._contacts = self._rounds = self._collisions = self._above = self._overlapping = 0
-        self.frames = 0
+        self.frames = self.between = 0  # frames of equilibria, and between two of them
 
     def add(self, frame: Frame, scene: Scene) -> None:
         """Count a frame of a scene in."""
@@ -164,6 +168,7 @@ class _Tally:
             "solved_by": dict(sorted(self._paths.items())),
             "contacts_max": self._contacts,
             "rounds_max": self._rounds,
+            "frames_between_equilibria": self.between,
             "collisions": self._collisions,
             "steps_with_overlapping_cables": self._overlapping,
             "tension_max_N": most.get("tension"),

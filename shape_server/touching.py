@@ -265,4 +265,4 @@ def _checked(problem: Problem, hanging: Hanging, draped: Draped, faces: np.ndarr
             "give it 'bending' and 'twist', or a tolerance above that"
         )
         return nothing(problem, Outcome.UNSUPPORTED, sentence)
-    return replace(hanging, sag=hanging.sag + wound)
+    return replace(hanging, sag=hanging.sag + float(wound))

@@ -39,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder of the run, made if need be; must not hold a recording")
     parser.add_argument("--redraw", metavar="DIR", type=Path, help="instead: make pictures and page of a recorded run anew")
     parser.add_argument("--accuracy", metavar="FILE", type=Path, help="instead: draw the page of a report of `cablecosim accuracy`")
+    parser.add_argument("--paper", metavar="FILE", type=Path, help="instead: draw the page of a report of `cablecosim paper`")
     parser.add_argument("--resume", action="store_true", help="go on with the recording that DIR may hold, of this run")
     parser.add_argument(
         "--patience",
@@ -52,15 +53,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--no-pictures", dest="pictures", action="store_false", help="draw no pictures")
     given = parser.parse_args(arguments)
     live = [name for name in ("frames", "control", "out") if getattr(given, name) is not None]
-    others = [name for name in ("redraw", "accuracy") if getattr(given, name) is not None]
+    others = [name for name in ("redraw", "accuracy", "paper") if getattr(given, name) is not None]
     if not others and len(live) < 3:
         missing = [f"--{name}" for name in ("frames", "control", "out") if name not in live]
         parser.error(f"{', '.join(missing)} missing; give --frames, --control and --out, or --redraw alone")
     if len(others + live) > 1 and others:
         parser.error(f"--{others[0]} does not go with --{(others + live)[1]}")
     try:
-        if given.accuracy is not None:
-            return _draw_accuracy(given.accuracy)
+        if given.accuracy is not None or given.paper is not None:
+            return _draw_page(given)
         return _redraw(given) if given.redraw is not None else _watch(given)
     except (CablecosimError, OSError) as error:
         sys.stderr.write(f"viz_client: {error}\n")
@@ -95,11 +96,13 @@ def _redraw(given: argparse.Namespace) -> int:
     return 0
 
 
-def _draw_accuracy(report: Path) -> int:
-    from .accuracy_page import write
+def _draw_page(given: argparse.Namespace) -> int:
+    """The page of a report, beside it."""
+    from . import accuracy_page, paper_page
 
+    report: Path = given.accuracy if given.accuracy is not None else given.paper
     page = report.with_suffix(".html")
-    write(report, page)
+    (accuracy_page if given.accuracy is not None else paper_page).write(report, page)
     _say(f"written to {page}")
     return 0
 

@@ -24,7 +24,7 @@ class Series:
 
 def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float], Sequence[float]]) -> str:
     """Error over time on logarithmic axes, the frontier as a line, as the text of an SVG element."""
-    figure, axes = _figure()
+    figure, axes = canvas(SIZE)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.step(*frontier, where="post", color="#bbbbbb", linewidth=4, zorder=1, label="frontier")
@@ -37,20 +37,22 @@ def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float]
     axes.set_ylabel("true error of the nodes over the length [-]")
     axes.grid(which="both", linewidth=0.3, color="#dddddd")
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
-    return _text(figure)
+    return svg_text(figure)
 
 
-def _figure() -> tuple[Any, Any]:
+def canvas(size: tuple[float, float]) -> tuple[Any, Any]:
+    """An empty figure of a size [inches] and its axes."""
     import matplotlib
 
     matplotlib.use("svg")
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=SIZE, layout="constrained")
+    figure = Figure(figsize=size, layout="constrained")
     return figure, figure.add_subplot()
 
 
-def _text(figure: Any) -> str:
+def svg_text(figure: Any) -> str:
+    """A figure as the text of an SVG element."""
     import matplotlib
 
     text = io.StringIO()

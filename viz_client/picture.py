@@ -211,7 +211,9 @@ def _write_caption(picture: Image.Image, frame: Frame) -> None:
 
 
 def numbers(frame: Frame) -> str:
-    """Simulated time, number of contacts and largest tension of a frame, as one line."""
+    """Simulated time, number of contacts and largest tension of a frame, as one line; between two equilibria there are none."""
+    if frame.relaxation:
+        return f"t = {frame.time:.2f} s    artificial motion to the next equilibrium"
     count = len(frame.touching.s)
     tension = max((float(shape.tension.max(initial=0.0)) for shape in frame.shapes), default=0.0)
     return f"t = {frame.time:.2f} s    {count} contact{'' if count == 1 else 's'}    largest tension {tension:.2f} N"

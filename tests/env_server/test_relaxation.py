@@ -6,20 +6,18 @@ import math
 import subprocess
 import sys
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from in_process import steps
 from scipy.integrate import solve_ivp
-from test_paper_figures import go
-from test_paper_figures import scene as figure
 
 from env_server.boundary import Boundary
 from env_server.hanging import Hanging
-from env_server.relaxation import between, has_snapped, restoration_time, share_of_way
-from env_server.stage import Stage
+from env_server.relaxation import between, restoration_time, share_of_way
+from env_server.stage import Posture, Stage
 from env_server.stepped import Stepped
-from protocol.kinds import Friction, Hold
+from protocol.kinds import Hold
 from protocol.messages import Bill, Problem, Start
 from protocol.scene import Cable, Gripper, Move, Relaxation, Scene, Target
 from shape_server import solve
@@ -44,6 +42,11 @@ def posture_of(stage: Stage, step: int, gravity: tuple[float, float, float]) -> 
     nothing = stage.touch_bodies.search(shape.nodes, posture.surfaces[:0], 0.005, 0.01)
     boundary = Boundary(radius=0.005, length=1.2, bonding=np.zeros(0, dtype=bool))
     return Stepped(posture, (Hanging(shape, boundary, nothing, nothing),), 1, (), FREE)
+
+
+def where_it_was(posture: Posture, before: Stepped) -> Stepped:
+    """A cable that stays on its branch in however short a step, in the place of a loop: what comes at the end is a jump."""
+    return replace(before, posture=posture)
 
 
 @pytest.mark.parametrize("overshoot", [0.0, 0.1, 0.5])
@@ -74,7 +77,7 @@ def test_eighteen_nodes_go_from_one_posture_to_the_other_within_a_second() -> No
     """Fig. 17: a cable that lost its contact, 18 points, 1 s."""
     with closing(Stage(STILL, lambda _: None)) as stage:
         before, after = posture_of(stage, 0, (5.0, 0.0, -9.81)), posture_of(stage, 1, (0.0, 0.0, -9.81))
-        found = between(stage, before, after, Relaxation(time=1.0))
+        found = between(stage, where_it_was, before, after, Relaxation(time=1.0))
         assert found is not None
         moments = list(found[1])
     assert found[0] == 1.0
@@ -90,23 +93,6 @@ def test_eighteen_nodes_go_from_one_posture_to_the_other_within_a_second() -> No
         assert np.abs(np.linalg.norm(shape.frames, axis=1) - 1.0).max() < 1e-12
         held = moment.stepped.posture.positions
         assert np.abs(shape.nodes[[0, -1]] - held).max() < 1e-4  # the grippers go along, by 0.1 mm in all
-
-
-def test_a_cable_that_follows_its_grippers_has_not_snapped() -> None:
-    with closing(Stage(STILL, lambda _: None)) as stage:
-        before, near, far = (posture_of(stage, step, (x, 0.0, -9.81)) for step, x in ((0, 0.0), (1, 0.01), (1, 3.0)))
-        assert not has_snapped(stage, before, near, 0)
-        assert has_snapped(stage, before, far, 0)
-        assert between(stage, before, near, Relaxation()) is None
-
-
-def test_a_cable_that_slides_over_an_obstacle_has_not_snapped() -> None:
-    """Fig. 5 on the way to P and to Q: up to 0.3 m of slack run over, but no faster than the obstacle drives it."""
-    path = figure((3.5, -7.0), Friction.NONE, go("to P", 0.2, o=(0.0, 2.2)), go("to Q", 0.2, o=(0.0, 0.8)))
-    before = None
-    for stage, step in steps(path):
-        assert before is None or not has_snapped(stage, before, step, 0)
-        before = step
 
 
 def test_the_time_of_a_rod_that_swings_is_a_quarter_of_its_period() -> None:
@@ -135,7 +121,7 @@ def test_the_time_of_a_damped_pendulum_is_when_it_first_comes_back(zeta: float) 
 def test_a_time_that_is_not_given_is_estimated() -> None:
     with closing(Stage(STILL, lambda _: None)) as stage:
         before, after = posture_of(stage, 0, (5.0, 0.0, -9.81)), posture_of(stage, 1, (0.0, 0.0, -9.81))
-        plain, swinging = (between(stage, before, after, Relaxation(overshoot=o)) for o in (0.0, 0.2))
+        plain, swinging = (between(stage, where_it_was, before, after, Relaxation(overshoot=o)) for o in (0.0, 0.2))
     assert plain is not None
     assert swinging is not None
     assert 0.2 < plain[0] < 0.5  # it hangs half a metre deep: a quarter of a period of 1.3 s

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from recordings import frame, record, shape
 from rich.console import Console
 
@@ -84,3 +85,14 @@ def shown(found: summary.Summary) -> str:
     with console.capture() as capture:
         console.print(summary.table(found))
     return capture.get()
+
+
+def test_frames_between_two_equilibria_count_as_such_and_nowhere_else(tmp_path: Path) -> None:
+    frames = [frame(0), replace(frame(1, penetration=1.0), relaxation=0.5), frame(2)]
+    found = summary.summarise(record(tmp_path / "r", frames))
+    assert (found["steps"], found["frames_between_equilibria"]) == (1, 1)
+    assert found["worst_penetration_m"] < 1.0
+    console = Console(width=100)
+    with console.capture() as shown:
+        console.print(summary.table(found))
+    assert "artificial motion, in 1 frame" in shown.get()

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 from synthetic import SNAPSHOT, block, frame
 
-from viz_client.picture import CONTACT_COLOR, Studio, draw
+from viz_client.picture import CONTACT_COLOR, Studio, draw, numbers
 from viz_client.view import DIRECTIONS, MARGIN, View, fit_view
 
 WIDTH, HEIGHT = 480, 300
@@ -101,3 +101,11 @@ def test_the_view_holds_cable_and_grippers_with_a_margin(direction):
     assert row.min() >= 1000 * MARGIN
     assert row.max() <= 1000 * (1 - MARGIN)
     assert max(np.ptp(column) / 1600, np.ptp(row) / 1000) > 0.35  # and fills it
+
+
+def test_a_frame_between_two_equilibria_is_called_an_artificial_motion():
+    """Its tension and contacts are those of no equilibrium."""
+    assert "tension" in numbers(frame(0))
+    line = numbers(msgspec.structs.replace(frame(0), relaxation=0.25))
+    assert "artificial motion to the next equilibrium" in line
+    assert "tension" not in line
