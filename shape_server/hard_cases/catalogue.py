@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from types import ModuleType
 
+from protocol.hard_case import Case
+
 from . import arches, columns, floors, moving, outside, starts, stiffness, symmetry, taut_and_slack, touching, twisting
-from .case import Case
 
 FAMILIES = (taut_and_slack, stiffness, columns, twisting, arches, starts, touching, floors, moving, symmetry, outside)
 

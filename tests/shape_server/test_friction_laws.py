@@ -107,6 +107,24 @@ def test_every_contact_of_a_random_system_is_open_sticks_or_slides_by_its_law(ki
     assert lawful >= 0.99 * problems
 
 
+@EVERY
+@pytest.mark.parametrize("path", [compiled, numpy_path], ids=["compiled", "numpy"])
+def test_contacts_that_say_the_same_share_the_force(kind: Friction, path: object) -> None:
+    """Three on one straight segment: the gap of the middle one is the mean of the others, so that the matrix has no inverse."""
+    count, hard = 3, 1e-7
+    to_gaps = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
+    matrix = np.zeros((3 * count, 3 * count))
+    matrix[:count, :count] = to_gaps @ to_gaps.T
+    for side in range(2):
+        matrix[count + side :: 2, count + side :: 2] = to_gaps @ to_gaps.T + hard * np.eye(count)
+    right = np.concatenate([to_gaps @ [1.0, 1.0], np.zeros(2 * count)])
+    found, _ = path.stick_slip(
+        matrix, right, np.arange(count), rubs(count, kind, LAWS[kind]), hard, np.concatenate([np.ones(3), np.zeros(6)])
+    )
+    assert np.isfinite(found).all()
+    np.testing.assert_allclose(matrix[:count] @ found, right[:count], atol=1e-9)
+
+
 def rubbing(rows: Sequence[Row], kind: Friction, law: FrictionLaw, anchor: np.ndarray | None = None) -> Contacts:
     """Rows that rub by one law, held where they touch unless told otherwise."""
     plain, count = contacts(*rows), len(rows)
