@@ -19,13 +19,13 @@ from protocol.scene import Body, Move, Target, Vector
 from ..asking import Asker
 from ..polyline import points_at
 from .laying import move, plane, rough
-from .meeting import LOWEST, SHELLS, hanging
+from .meeting import DIAMETER, LOWEST, SHELLS, hanging
 from .playing import Played, playing
 from .rubbing import coulomb
 
 FAMILY: Final = "journeys"
 GROUNDS: Final = ("floor", "ball", "block")
-WAYS: Final[dict[str, Vector]] = {"nearer": (-0.1, 0.0, 0.0), "lifted": (0.0, 0.0, 0.1), "aside": (0.0, 0.08, 0.0)}
+WAYS: Final[dict[str, Vector]] = {"nearer": (-0.1, 0.0, 0.0), "lowered": (0.0, 0.0, -0.08), "aside": (0.0, 0.08, 0.0)}
 
 
 def cases() -> Iterator[Case]:
@@ -34,8 +34,10 @@ def cases() -> Iterator[Case]:
         for name in WAYS:
             yield Case(f"{ground}, {name}: a hundred steps against one jump", FAMILY, partial(_jumped, ground, name, 100))
             yield Case(f"{ground}, {name}: a thousand steps against one jump", FAMILY, partial(_jumped, ground, name, 1000), is_slow=True)
-            yield Case(f"{ground}, {name}: there and back", FAMILY, partial(_back, ground, name))
-            yield Case(f"{ground}, {name}: half the tolerance", FAMILY, partial(_finer, ground, name))
+            # On its way aside the cable falls off the ball.
+            may = ground == "ball" and name == "aside"
+            yield Case(f"{ground}, {name}: there and back", FAMILY, partial(_back, ground, name), may_decline=may)
+            yield Case(f"{ground}, {name}: a quarter of the tolerance", FAMILY, partial(_finer, ground, name), may_decline=may)
         for friction in (Friction.NONE, Friction.SIGNUM):
             yield Case(f"{ground}, {friction.value}: fifty steps of a nanometre", FAMILY, partial(_nanometres, ground, friction))
             for size in (1e-9, 1e-6, 1e-3, 1e-2):
@@ -54,7 +56,7 @@ def ground_of(name: str, friction: Friction = Friction.NONE) -> Body:
         return plane(top, **law)
     if name == "ball":
         return Body("ball", shape=Primitive.SPHERE, radius=0.05, position=(0.02, 0.0, top - 0.05), **law)
-    return Body("block", mesh="block", position=(0.02, 0.0, top - 0.02), **law)
+    return Body("block", mesh="block", position=(0.02, 0.0, LOWEST - 0.5 * DIAMETER - 0.022), **law)  # just below the cable, at first
 
 
 def _along(by: Vector, steps: int, *, name: str = "way", step: float = 0.02) -> Move:
@@ -88,7 +90,7 @@ def _back(ground: str, name: str, asker: Asker) -> Iterable[Check]:
 
 
 def _finer(ground: str, name: str, asker: Asker) -> Iterable[Check]:
-    """On a tenth of the tolerance the shape differs by no more than both answers say."""
+    """On a quarter of the tolerance the shape differs by no more than both answers say."""
     coarse, fine = (_played(asker, ground_of(ground), [_along(WAYS[name], 20)], tolerance=tolerance) for tolerance in (1e-3, 2.5e-4))
     yield Check("place of a node, coarse and fine", _apart(coarse.shape, fine.shape), 1.25e-3)
     told = (coarse.shape.error or 0.0) + (fine.shape.error or 0.0)
@@ -127,12 +129,12 @@ def _shaken(ground: str, friction: Friction, size: float, asker: Asker) -> Itera
 
 
 def _rubbed(ground: str, kind: Friction, asker: Asker) -> Iterable[Check]:
-    """The first way out is another than the later ones; these are alike."""
+    """The first way out is another than the later ones; these are alike, but that the regularized law lets what lies still creep on."""
     by = (-0.02, 0.0, 0.0)
     ways = [_along(_times(sign, by), 20, name=f"{k} {sign}") for k in range(3) for sign in (1.0, -1.0)]
     with playing(hanging((ground_of(ground, kind),), *ways), asker, shells=SHELLS) as played:
         ends = [played.to(40) for _ in range(3)]
-        yield Check("place of a node after the second and the third time", _apart(ends[2], ends[1]), 1e-4)
+        yield Check("place of a node after the second and the third time", _apart(ends[2], ends[1]), 2e-3)
         yield from played.checks()
         yield from coulomb(played, 0.3)
 

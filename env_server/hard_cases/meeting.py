@@ -41,7 +41,8 @@ def cases() -> Iterator[Case]:
         for fast in FAST:
             yield Case(f"{kind} that comes by {fast:g} diameters a step", FAMILY, partial(_thrown, kind, fast))
         for depth in STARTS:
-            yield Case(f"{kind} that starts {depth:g} m within the cable", FAMILY, partial(_within, kind, depth))
+            may = kind == "plate" and depth >= 0.5 * DIAMETER  # in which the cable begins on both sides of it
+            yield Case(f"{kind} that starts {depth:g} m within the cable", FAMILY, partial(_within, kind, depth), may_decline=may)
         yield Case(f"{kind} that starts across the axis of the cable", FAMILY, partial(_within, kind, 0.5 * DIAMETER), may_decline=True)
         if kind != "rod":
             yield Case(f"{kind} that swallows the cable at the start", FAMILY, partial(_within, kind, 2 * DIAMETER), may_decline=True)

@@ -95,7 +95,7 @@ class Image:
                 law=self.ordered(rubbing.law),
                 s=self.places(rubbing.s, whole),
                 anchor=self.ordered(self.points(rubbing.anchor)),
-                laws=tuple(replace(law, speed=self.length * law.speed) for law in rubbing.laws),
+                laws=tuple(msgspec.structs.replace(law, speed=self.length * law.speed) for law in rubbing.laws),
             )
         columns |= {name: self.ordered(getattr(rows, name)) for name in ("body", "feature", "friction")}
         columns |= {name: self.ordered(self.directions(getattr(rows, name))) for name in ("normal", "direction")}

@@ -40,8 +40,12 @@ def _compiled() -> None:
     warm_up(kernels)
 
 
-def params(cases: tuple[Case, ...]) -> list[ParameterSet]:
-    return [pytest.param(case, id=f"{case.family}-{case.name}", marks=[pytest.mark.slow] * case.is_slow) for case in cases]
+def params(cases: tuple[Case, ...], every: int = 1) -> list[ParameterSet]:
+    """The cases, marked as slow but for every so many of those that are not."""
+    return [
+        pytest.param(case, id=f"{case.family}-{case.name}", marks=[pytest.mark.slow] * (case.is_slow or number % every > 0))
+        for number, case in enumerate(cases)
+    ]
 
 
 @pytest.mark.timeout(LIMIT)
@@ -51,7 +55,7 @@ def test_a_hard_case_ends_as_it_should(case: Case) -> None:
 
 
 @pytest.mark.timeout(LIMIT)
-@pytest.mark.parametrize("case", params(PLAYED))
+@pytest.mark.parametrize("case", params(PLAYED, every=5))
 def test_a_hard_case_that_is_played_ends_as_it_should(case: Case) -> None:
     check(case, Direct())
 
