@@ -25,7 +25,7 @@ from .children import Child, command, end_all, environment
 
 HOLDERS: Final = ("shape_server", "env_server")  # programs that have cases
 PREPARING: Final = 600.0  # s for a program to be ready, which may have to compile
-LIMIT: Final = {"compiled": 20.0, "numpy": 200.0}  # s for a case
+LIMIT: Final = {"compiled": 60.0, "numpy": 600.0}  # s for a case
 INFINITE: Final = float("inf")
 
 
@@ -81,7 +81,7 @@ def run(cases: Iterable[Listed], kernels: str, limit: float | None = None) -> It
     Args:
         cases: As `listed`.
         kernels: "auto", "compiled" or "numpy".
-        limit: [s] After this a case counts as hanging; twenty seconds unless given, ten times that for numpy.
+        limit: [s] After this a case counts as hanging; a minute unless given, ten for numpy.
     """
     worker: _Worker | None = None
     try:

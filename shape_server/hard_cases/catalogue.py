@@ -6,9 +6,9 @@ from types import ModuleType
 
 from protocol.hard_case import Case
 
-from . import arches, columns, floors, moving, outside, starts, stiffness, symmetry, taut_and_slack, touching, twisting
+from . import arches, columns, floors, moving, outside, rough_floors, starts, stiffness, symmetry, taut_and_slack, touching, twisting
 
-FAMILIES = (taut_and_slack, stiffness, columns, twisting, arches, starts, touching, floors, moving, symmetry, outside)
+FAMILIES = (taut_and_slack, stiffness, columns, twisting, arches, starts, touching, floors, rough_floors, moving, symmetry, outside)
 
 
 def catalogue(family: str | None = None) -> tuple[Case, ...]:

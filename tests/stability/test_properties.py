@@ -14,15 +14,20 @@ from images import Image
 from rods import GRAVITY, RADIUS, Row, cable, contacts, frame, grasps, start_from
 from scipy.spatial.transform import Rotation
 
-from protocol.kinds import FRICTION_CODES, Feature, Friction, Model, Outcome
-from protocol.messages import Contacts, FrictionLaw, Problem, Rubbing, Shape
+from protocol.kinds import Feature, Friction, Model, Outcome
+from protocol.messages import Contacts, FrictionLaw, Problem, Shape
 from shape_server import kernels, solve
+from shape_server.hard_cases.posing import rubbing
 
 LAWS = {
     Friction.SIGNUM: FrictionLaw(coefficient=0.4),
     Friction.REGULARIZED: FrictionLaw(coefficient=0.4, speed=0.03),
 }
-NODES, FORCES = 1e-7, 1e-5  # of the length, and of the largest force; measured TODO and TODO
+WITHIN = (5e-9, 1e-6)  # of the length, and of the largest force; measured 4e-10 and 4e-8
+WITHIN_UNITS = (
+    5e-7,
+    2e-4,
+)  # with another unit of length; measured 1.4e-7 and 5e-5: the give of a contact, 1e-7 m, is no share of the length
 # A contact gives by some 1e-7 m however long the cable is, which a cable of centimetres feels: 1e-6 of 3 cm, and 2e-4 of the force.
 SMALLEST = -0.5  # power of ten of the length [m]
 
@@ -64,12 +69,8 @@ def touching(rng: np.random.Generator, free: Shape, law: FrictionLaw | None, kin
     plain = contacts(*rows)
     if law is None:
         return plain
-    columns = {name: getattr(plain, name) for name in plain.__struct_fields__ if name not in ("friction", "rubbing")}
     there = np.column_stack([np.interp(plain.s, free.s, column) for column in free.nodes.T])
-    anchor = there + np.array([*rng.uniform(-2e-3, 2e-3, 2), 0.0])
-    count = len(rows)
-    rub = Rubbing(contact=np.arange(count), law=np.zeros(count, dtype=np.int64), s=plain.s, anchor=anchor, laws=(law,), time_step=0.1)
-    return Contacts(**columns, friction=np.full(count, FRICTION_CODES.index(kind)), rubbing=rub)
+    return rubbing(plain, kind, law, there + np.array([*rng.uniform(-2e-3, 2e-3, 2), 0.0]))
 
 
 def compare(problem: Problem, image: Image) -> None:
@@ -79,11 +80,12 @@ def compare(problem: Problem, image: Image) -> None:
     assert seen.outcome is shape.outcome, (shape.sentence, seen.sentence)
     if shape.outcome is Outcome.CONVERGED:
         nodes, forces = image.off(shape, seen)
-        assert nodes < NODES
-        assert forces < FORCES
+        within = WITHIN if image.length == 1.0 or problem.contacts is None else WITHIN_UNITS
+        assert nodes < within[0]
+        assert forces < within[1]
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(seed=seeds, image=images)
 def test_a_free_cable_knows_no_place_direction_unit_or_end(seed: int, image: Image) -> None:
     problem = held(np.random.default_rng(seed))
@@ -92,7 +94,7 @@ def test_a_free_cable_knows_no_place_direction_unit_or_end(seed: int, image: Ima
 
 
 @pytest.mark.parametrize("kind", [Friction.NONE, *LAWS])
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(seed=seeds, image=images)
 def test_a_cable_in_contact_knows_no_place_direction_unit_or_end(kind: Friction, seed: int, image: Image) -> None:
     rng = np.random.default_rng(seed)
