@@ -34,10 +34,11 @@ SHELLS: Final = {"prism of 24": prism(RADIUS, 24)}
 
 def cases() -> Iterator[Case]:
     """All cases of the family."""
-    for mu in (0.0, 0.05, 0.1, 0.3, 0.6, 1.0, 2.0):
-        yield Case(f"capstan, mu {mu:g}: drawn up, and drawn on after a rest", FAMILY, partial(_drawn, mu))
-        yield Case(f"capstan, mu {mu:g}: eased by a tenth of a micrometre, and at rest", FAMILY, partial(_eased, mu))
-        yield Case(f"capstan, mu {mu:g}: let down", FAMILY, partial(_let_down, mu), may_decline=mu > 0.5)
+    for mu in (0.0, 0.05, 0.1, 0.3, 0.6, 1.0):
+        hard = mu > 0.5  # steps are found by relaxing, in seconds each, or not at all
+        yield Case(f"capstan, mu {mu:g}: drawn up, and drawn on after a rest", FAMILY, partial(_drawn, mu), is_slow=hard, may_decline=hard)
+        yield Case(f"capstan, mu {mu:g}: eased by 0.1 um, and at rest", FAMILY, partial(_eased, mu), is_slow=hard, may_decline=hard)
+        yield Case(f"capstan, mu {mu:g}: let down", FAMILY, partial(_let_down, mu), is_slow=hard, may_decline=hard)
     for kind in ("cylinder", *SHELLS):
         for mass in (0.0, 0.1):
             for friction in (Friction.NONE, Friction.SIGNUM):
@@ -63,7 +64,8 @@ def _capstan(mu: float, *ways: float) -> Any:
     held = Cable("c", LENGTH, 2 * OWN, 1e-6, 1e-5, 1e-5, masses=(LumpedMass(LENGTH, 1.0 / 9.81),))
     hand = gripper(0.0, (-REACH, 0.0, -LEG), (0.0, 0.0, 1.0), hold=Hold.HINGE)
     moves = tuple(move(Target("g", by=(0.0, 0.0, -way)), name=str(k)) for k, way in enumerate(ways))
-    return scene(held, (hand,), (_peg("cylinder", **rough(Friction.SIGNUM, mu)),), moves)
+    # No finer nodes than those of the start: the reference is the measure here, and shapes on four times as many take seconds.
+    return scene(held, (hand,), (_peg("cylinder", **rough(Friction.SIGNUM, mu)),), moves, tolerance=1.0)
 
 
 def _ratio(shape: Shape) -> float:
@@ -76,7 +78,7 @@ def _off_limit(what: str, shape: Shape, mu: float) -> Check:
 
 
 def _drawn(mu: float, asker: Asker) -> Iterable[Check]:
-    with playing(_capstan(mu, SLIDE, 0.0, SLIDE), asker, _start(1.0)) as played:
+    with playing(_capstan(mu, SLIDE, 0.0, SLIDE), asker, _start(1.0), is_loose=True) as played:
         yield _off_limit("ratio of the tensions, drawn up", played.to(6), mu)
         yield _off_limit("ratio of the tensions, drawn on", played.to(20), mu)
         yield from coulomb(played, mu, within=1e-3)
@@ -85,7 +87,7 @@ def _drawn(mu: float, asker: Asker) -> Iterable[Check]:
 
 
 def _eased(mu: float, asker: Asker) -> Iterable[Check]:
-    with playing(_capstan(mu, SLIDE, -1e-7, 0.0, 0.0, SLIDE), asker, _start(1.0)) as played:
+    with playing(_capstan(mu, SLIDE, -1e-7, 0.0, 0.0, SLIDE), asker, _start(1.0), is_loose=True) as played:
         played.to(10)
         eased = played.to(10)
         rested = played.to(20)
@@ -99,7 +101,7 @@ def _eased(mu: float, asker: Asker) -> Iterable[Check]:
 
 
 def _let_down(mu: float, asker: Asker) -> Iterable[Check]:
-    with playing(_capstan(mu, SLIDE, -SLIDE), asker, _start(1.0)) as played:
+    with playing(_capstan(mu, SLIDE, -SLIDE), asker, _start(1.0), is_loose=True) as played:
         yield _off_limit("ratio of the tensions, let down", played.to(16), -mu)
         yield from coulomb(played, mu, within=1e-3)
         played.to()
@@ -114,7 +116,7 @@ def _off(kind: str, friction: Friction, mass: float, asker: Asker) -> Iterable[C
     held = Cable("c", LENGTH, 2 * OWN, 0.1, 1e-5, 1e-5, masses=(LumpedMass(LENGTH, mass),) if mass else ())
     hand = gripper(0.0, (-REACH, 0.0, -LEG), (0.0, 0.0, 1.0), hold=Hold.HINGE)
     down = move(Target("g", by=(0.0, 0.0, -0.9 * LENGTH)), seconds=6.0)
-    with playing(scene(held, (hand,), (_peg(kind, **rough(friction, 0.3)),), (down,)), asker, _start(0.1), SHELLS) as played:
+    with playing(scene(held, (hand,), (_peg(kind, **rough(friction, 0.3)),), (down,)), asker, _start(0.1), SHELLS, is_loose=True) as played:
         shape = played.to()
         straight = np.column_stack([0.0 * shape.s - REACH, 0.0 * shape.s, -LEG - 0.9 * LENGTH - shape.s])
         yield Check("distance from hanging straight down", float(np.abs(shape.nodes - straight).max()), 1e-6)

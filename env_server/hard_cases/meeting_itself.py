@@ -35,7 +35,10 @@ def cases() -> Iterator[Case]:
             yield Case(name, FAMILY, partial(_end_on, aside, 1e-2, hold), may_decline=hold is Hold.CLAMP)
     for friction in (Friction.NONE, Friction.SIGNUM):
         for stiff in (1e-3, 1e-2, 1e-1):
-            yield Case(f"end that meets a floor, {friction.value}, EI {stiff:g}", FAMILY, partial(_on_its_end, friction, stiff))
+            # The softest one buckles, and where it sticks no shape is found from there.
+            may = friction is Friction.SIGNUM and stiff < 1e-2
+            name = f"end that meets a floor, {friction.value}, EI {stiff:g}"
+            yield Case(name, FAMILY, partial(_on_its_end, friction, stiff), may_decline=may)
 
 
 def _cable(bending: float = 1e-2, **fields: object) -> Cable:

@@ -112,14 +112,17 @@ class Played:
 
 
 @contextmanager
-def playing(scene: Scene, asker: Asker, start: Start | None = None, shells: Mapping[str, Shell] | None = None) -> Iterator[Played]:
-    """A scene after its first shape: found from the grasps alone, or one that rests as it is, held by friction where it is touched.
+def playing(
+    scene: Scene, asker: Asker, start: Start | None = None, shells: Mapping[str, Shell] | None = None, *, is_loose: bool = False
+) -> Iterator[Played]:
+    """A scene after its first shape: found from the grasps alone, or from a start that is held by friction where it is touched.
 
     Args:
         scene: Of one cable.
         asker: Who answers.
         start: What rests.
         shells: Surfaces that the bodies of the scene name as their meshes.
+        is_loose: Let the start slide to where it rests without friction, as at the start of a run.
     """
     check_scene(scene)
     with TemporaryDirectory(prefix="cc-") as folder:
@@ -127,13 +130,13 @@ def playing(scene: Scene, asker: Asker, start: Start | None = None, shells: Mapp
     try:
         loop = Loop(stage, asker, SESSION)
         if start is not None:
-            resume(loop, Checkpoint(SESSION, -1, 0.0, 0, _laid(stage, asker, start), (), REACH_MOST, REACH_MOST, REACH_MOST))
+            resume(loop, Checkpoint(SESSION, -1, 0.0, 0, _laid(stage, asker, start, is_loose), (), REACH_MOST, REACH_MOST, REACH_MOST))
         yield Played(stage, loop, loop.first() if start is None else loop.advance(0))
     finally:
         stage.close()
 
 
-def _laid(stage: Stage, asker: Asker, start: Start) -> Stepped:
+def _laid(stage: Stage, asker: Asker, start: Start, is_loose: bool) -> Stepped:
     """The step before the first: every point of the one cable where `start` has it."""
     scene, posture = stage.scene, stage.at_step(0)
     cable, grasps = scene.cables[0], stage.grasps(scene.cables[0].name, posture)
@@ -153,7 +156,7 @@ def _laid(stage: Stage, asker: Asker, start: Start) -> Stepped:
         error=None,
     )
     before = replace(posture, time=posture.time - scene.time_step)
-    boundary = stage.untouched(0).anchored(None, shape, before.surfaces, before.time)
+    boundary = stage.untouched(0) if is_loose else stage.untouched(0).anchored(None, shape, before.surfaces, before.time)
     radius, count = 0.5 * cable.diameter, stage.body_count
     bodies = stage.touch_bodies.search(nodes, posture.surfaces[:count], radius, REACH_MOST)
     links = stage.touch_links.search(nodes, posture.surfaces[count:], radius, REACH_MOST)
