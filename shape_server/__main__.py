@@ -40,6 +40,8 @@ def main() -> int:
         else:
             keys = read_keys(arguments.keys) if arguments.keys is not None else None
             server = ShapeServer(arguments.bind, arguments.kernels, keys)
+            for number in (signal.SIGTERM, signal.SIGINT):
+                signal.signal(number, lambda *_: server.stop())
             sys.stdout.write(f"shape server listening at {server.address}\n")
             sys.stdout.flush()
             server.run()

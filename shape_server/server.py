@@ -26,12 +26,17 @@ class ShapeServer:
         self._paths = Paths(kernels)
         self._cached: tuple[tuple[bytes, str, int, int], ShapeRequest, bytes] | None = None
         self._beaten = 0.0
+        self._is_stopped = False
         self.address = self._channel.address
 
+    def stop(self) -> None:
+        """End `run` after the present message; for a handler of signals, which may not raise: numba does not survive that in its calls."""
+        self._is_stopped = True
+
     def run(self) -> None:
-        """Serve until a `Stop` arrives."""
+        """Serve until a `Stop` arrives, or `stop` is called."""
         try:
-            while self.serve_one(timeout=0.2):
+            while not self._is_stopped and self.serve_one(timeout=0.2):
                 pass
         finally:
             self._paths.close()

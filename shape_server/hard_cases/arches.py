@@ -17,12 +17,13 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from protocol.hard_case import Case, Check, Declined, Unsound
 from protocol.kinds import Hold, Model
 from protocol.messages import PointLoads, Problem, Shape, Start
 from protocol.scene import Vector
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, Declined, Unsound, found
 from .posing import ALONG_X, GRAVITY, WEIGHTLESS, apart, cable, frame, going_on, grasps, place, span
 
 FAMILY: Final = "arches and branches"

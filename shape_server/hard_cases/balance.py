@@ -13,11 +13,10 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.hard_case import Check
 from protocol.kinds import Hold
 from protocol.messages import Problem, Shape
 from protocol.scene import Vector
-
-from .case import Check
 
 STEP: Final = 1e-5  # rad, of the differences
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from . import arches, columns, floors, moving, outside, starts, stiffness, symmetry, taut_and_slack, touching, twisting
-from .case import Case
+from protocol.hard_case import Case
 
-FAMILIES = (taut_and_slack, stiffness, columns, twisting, arches, starts, touching, floors, moving, symmetry, outside)
+from . import arches, columns, floors, moving, outside, rough_floors, starts, stiffness, symmetry, taut_and_slack, touching, twisting
+
+FAMILIES = (taut_and_slack, stiffness, columns, twisting, arches, starts, touching, floors, rough_floors, moving, symmetry, outside)
 
 
 def catalogue(family: str | None = None) -> tuple[Case, ...]:

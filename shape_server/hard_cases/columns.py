@@ -18,12 +18,13 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Hold, Model
 from protocol.messages import Grasps, PointLoads, Problem, Start
 from protocol.scene import Vector
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import ALONG_X, UP, WEIGHTLESS, cable, frame, grasps, span, straight
 from .references import elastica_amplitude, elastica_modulus, elastica_thrust, greenhill
 

@@ -9,11 +9,12 @@ from typing import Final
 
 import numpy as np
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Model
 from protocol.messages import Problem
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import GRAVITY, RADIUS, Row, apart, cable, contacts, place, span, start_from
 from .sagging import free
 

@@ -11,11 +11,12 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Model
 from protocol.messages import Problem, Shape, Start
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import ALONG_X, GRAVITY, apart, cable, going_on, grasps, place
 
 FAMILY: Final = "moving"

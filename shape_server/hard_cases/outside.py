@@ -11,11 +11,12 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from protocol.hard_case import Case, Check, Unsound
 from protocol.kinds import Hold, Model
 from protocol.messages import PointLoads, Problem
 from protocol.scene import LumpedMass, Section
 
-from .case import Case, Check, Unsound, found
+from .answers import found
 from .posing import ALONG_X, GRAVITY, Row, apart, cable, contacts, frame, grasps, span
 
 FAMILY: Final = "outside the model"

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from protocol.kinds import FRICTION_CODES, Feature, Friction, Hold
-from protocol.messages import Contacts, Grasps, Problem, Shape, Start
+from protocol.messages import Contacts, FrictionLaw, Grasps, Problem, Rubbing, Shape, Start
 from protocol.scene import Cable, Vector
 
 GRAVITY: Final[Vector] = (0.0, 0.0, -9.81)
@@ -85,6 +85,14 @@ def contacts(*rows: Row) -> Contacts:
         friction=np.array([FRICTION_CODES.index(row.friction) for row in rows], dtype=np.int64),
         force=np.array([row.force for row in rows], dtype=float).reshape(-1, 3),
     )
+
+
+def rubbing(rows: Contacts, kind: Friction, law: FrictionLaw, anchor: np.ndarray, time_step: float = 0.1) -> Contacts:
+    """The rows with friction, every one of which was held at its `anchor` (m, 3) [m], a point of the axis, a `time_step` [s] ago."""
+    columns = {name: getattr(rows, name) for name in rows.__struct_fields__ if name not in ("friction", "rubbing")}
+    count = len(rows.s)
+    held = Rubbing(contact=np.arange(count), law=np.zeros(count, dtype=np.int64), s=rows.s, anchor=anchor, laws=(law,), time_step=time_step)
+    return Contacts(**columns, friction=np.full(count, FRICTION_CODES.index(kind)), rubbing=held)
 
 
 def start_from(shape: Shape) -> Start:

@@ -10,7 +10,7 @@ import numpy as np
 from protocol.kinds import Model
 from protocol.messages import Problem, Shape, Start
 
-from .case import found
+from .answers import found
 from .posing import GRAVITY, cable, span
 
 

@@ -10,11 +10,12 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Model
 from protocol.messages import Problem, Start
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import ALONG_X, GRAVITY, cable, frame, span
 
 FAMILY: Final = "absurd starts"

@@ -11,12 +11,13 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Hold, Model
 from protocol.messages import Grasps, PointLoads, Problem
 from protocol.scene import Section, Vector
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import ALONG_X, GRAVITY, WEIGHTLESS, cable, frame, grasps, place, span
 from .references import catenary, elastic_catenary
 

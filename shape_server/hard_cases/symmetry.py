@@ -17,12 +17,13 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Model
 from protocol.messages import Grasps, Problem, Start
 from protocol.scene import Vector
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import GRAVITY, cable, grasps
 
 FAMILY: Final = "symmetry"

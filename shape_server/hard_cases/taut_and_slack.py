@@ -9,12 +9,13 @@ from typing import Final
 
 import numpy as np
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Hold, Model
 from protocol.messages import Grasps, Problem
 from protocol.scene import Vector
 
+from .answers import found, refused
 from .balance import balance
-from .case import Case, Check, found, refused
 from .posing import ALONG_X, DOWN, GRAVITY, UP, WEIGHTLESS, cable, frame, grasps, place, span
 from .references import catenary
 

@@ -13,11 +13,12 @@ from typing import Final
 
 import numpy as np
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Feature, Friction, Model
 from protocol.messages import Problem, Shape
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import ALONG_X, GRAVITY, RADIUS, Row, apart, cable, contacts, grasps, place, span, start_from
 from .sagging import free
 

@@ -17,11 +17,12 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.hard_case import Case, Check
 from protocol.kinds import Model
 from protocol.messages import Problem, Shape
 
+from .answers import found
 from .balance import balance
-from .case import Case, Check, found
 from .posing import ALONG_X, GRAVITY, WEIGHTLESS, cable, going_on, grasps, span
 
 FAMILY: Final = "twist"

@@ -10,13 +10,13 @@ from rods import GRAVITY, Row, cable, contacts, grasps
 
 import shape_server.kernels as compiled
 from protocol.errors import CablecosimError, MessageError
-from protocol.kinds import FRICTION_CODES, Feature, Friction, Outcome
-from protocol.messages import Contacts, FrictionLaw, FrictionTable, Problem, Rubbing
+from protocol.kinds import Feature, Friction, Outcome
+from protocol.messages import Contacts, FrictionLaw, FrictionTable, Problem
 from shape_server import numpy_path, sensitivities, solve
 from shape_server.contacts import numbers_of
 from shape_server.effects import friction as effect
 from shape_server.follower import Follower
-from shape_server.hard_cases.posing import ALONG_X, RADIUS, straight
+from shape_server.hard_cases.posing import ALONG_X, RADIUS, rubbing, straight
 from shape_server.mesh import even
 from shape_server.rod import RUB, Rub
 
@@ -98,19 +98,34 @@ def test_every_contact_of_a_random_system_is_open_sticks_or_slides_by_its_law(ki
     assert lawful >= 0.99 * problems
 
 
-def rubbing(rows: Sequence[Row], kind: Friction, law: FrictionLaw, anchor: np.ndarray | None = None) -> Contacts:
-    """Rows that rub by one law, held where they touch unless told otherwise."""
-    plain, count = contacts(*rows), len(rows)
-    columns = {name: getattr(plain, name) for name in plain.__struct_fields__ if name not in ("friction", "rubbing")}
-    held = plain.point + plain.distance[:, None] * plain.normal if anchor is None else anchor
-    rub = Rubbing(contact=np.arange(count), law=np.zeros(count, dtype=np.int64), s=plain.s, anchor=held, laws=(law,), time_step=DT)
-    return Contacts(**columns, friction=np.full(count, FRICTION_CODES.index(kind)), rubbing=rub)
+@EVERY
+@pytest.mark.parametrize("path", [compiled, numpy_path], ids=["compiled", "numpy"])
+def test_contacts_that_say_the_same_share_the_force(kind: Friction, path: object) -> None:
+    """Three on one straight segment: the gap of the middle one is the mean of the others, so that the matrix has no inverse."""
+    count, hard = 3, 1e-7
+    to_gaps = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
+    matrix = np.zeros((3 * count, 3 * count))
+    matrix[:count, :count] = to_gaps @ to_gaps.T
+    for side in range(2):
+        matrix[count + side :: 2, count + side :: 2] = to_gaps @ to_gaps.T + hard * np.eye(count)
+    right = np.concatenate([to_gaps @ [1.0, 1.0], np.zeros(2 * count)])
+    found, _ = path.stick_slip(
+        matrix, right, np.arange(count), rubs(count, kind, LAWS[kind]), hard, np.concatenate([np.ones(3), np.zeros(6)])
+    )
+    assert np.isfinite(found).all()
+    np.testing.assert_allclose(matrix[:count] @ found, right[:count], atol=1e-9)
+
+
+def rubs_on(rows: Sequence[Row], kind: Friction, law: FrictionLaw) -> Contacts:
+    """Rows that rub by one law, held where they touch."""
+    plain = contacts(*rows)
+    return rubbing(plain, kind, law, plain.point + plain.distance[:, None] * plain.normal, DT)
 
 
 def dragged(kind: Friction, law: FrictionLaw, by: tuple[float, float] = (1e-3, 5e-4), bending: float = 1e-3) -> Problem:
     """A cable that lies on a floor and is drawn by one end, in a direction of its own."""
     rows = [Row(s=float(s), point=(s, 0.0, 0.0)) for s in np.linspace(0.0, 1.0, 17)]
-    held = contacts(*rows) if kind is Friction.NONE else rubbing(rows, kind, law)
+    held = contacts(*rows) if kind is Friction.NONE else rubs_on(rows, kind, law)
     end = grasps((1.0, (1.0 + by[0], by[1], RADIUS), ALONG_X))
     return Problem(cable=cable(bending=bending), grasps=end, contacts=held, start=straight(ALONG_X, 16, np.zeros((1, 3))))
 
@@ -170,7 +185,7 @@ def test_an_edge_without_numbers_of_its_law_is_refused() -> None:
     end = grasps((1.0, (1.0, 0.0, RADIUS), ALONG_X))
     for kind, words in ((Friction.REGULARIZED, "needs v0"), (Friction.DEFINED, "needs a table")):
         with pytest.raises(MessageError, match=words):
-            solve(Problem(cable=cable(), grasps=end, contacts=rubbing([row], kind, FrictionLaw(coefficient=0.3))), GRAVITY)
+            solve(Problem(cable=cable(), grasps=end, contacts=rubs_on([row], kind, FrictionLaw(coefficient=0.3))), GRAVITY)
 
 
 def test_what_is_not_built_for_friction_says_so() -> None:
@@ -188,7 +203,7 @@ def test_the_rows_of_friction_change_with_turns_as_their_columns_say() -> None:
     from linear_model import build, look
 
     row = Row(s=0.43, point=(0.43, 0.0, 0.0), normal=(0.6, 0.0, 0.8))
-    held = Problem(cable=cable(), grasps=grasps((0.0, (0.0, 0.0, 0.0), ALONG_X)), contacts=rubbing([row], *next(iter(LAWS.items()))))
+    held = Problem(cable=cable(), grasps=grasps((0.0, (0.0, 0.0, 0.0), ALONG_X)), contacts=rubs_on([row], *next(iter(LAWS.items()))))
     system = build(held, GRAVITY)
     rng = np.random.default_rng(2)
     frames = numpy_path.retract(np.tile(ALONG_X, (len(system.mesh.lengths), 1)), rng.normal(scale=0.2, size=(len(system.mesh.lengths), 3)))
@@ -206,7 +221,7 @@ def test_a_force_of_friction_turns_the_cable_as_its_column_says() -> None:
     from linear_model import build, look
 
     row = Row(s=0.43, point=(0.43, 0.0, 0.0), normal=(0.6, 0.0, 0.8))
-    held = Problem(cable=cable(), grasps=grasps((0.0, (0.0, 0.0, 0.0), ALONG_X)), contacts=rubbing([row], *next(iter(LAWS.items()))))
+    held = Problem(cable=cable(), grasps=grasps((0.0, (0.0, 0.0, 0.0), ALONG_X)), contacts=rubs_on([row], *next(iter(LAWS.items()))))
     system = build(held, GRAVITY)
     state = system.start(np.tile(ALONG_X, (len(system.mesh.lengths), 1)))
     drag = np.array([[0.3, -0.7]])

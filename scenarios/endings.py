@@ -1,15 +1,17 @@
-"""Results as a table, family by family, and as JSON."""
+"""How hard cases ended, as a table, family by family, and as JSON."""
 
 from __future__ import annotations
 
 import json
 import math
 import statistics
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
-from .case import Ending
-from .worker import Result
+from protocol.hard_case import Ending
+
+from .hard_cases import Listed, Result
 
 HEAD: Final = ("family", "cases", "right", "refused", "outside", "wrong", "known", "worst error", "median s", "worst s", "worst/median")
 
@@ -58,6 +60,17 @@ def _wrong(results: Iterable[Result]) -> Iterable[str]:
             yield f"WRONG {one.case.family}: {one.case.name}: {one.verdict.sentence}"
         elif one.case.known:
             yield f"known {one.case.family}: {one.case.name}: {one.case.known}"
+
+
+def progress(cases: Sequence[Listed], done: int) -> None:
+    """Say how many cases are done: in a terminal on one line that overwrites itself, elsewhere at the end of each family."""
+    family, is_last = cases[done - 1].family, done == len(cases)
+    text = f"{done}/{len(cases)} {family}"
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r{text:60s}" + ("\r" + " " * 60 + "\r" if is_last else ""))
+    elif is_last or cases[done].family != family:
+        sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
 def as_json(results: Iterable[Result]) -> str:
