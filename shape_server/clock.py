@@ -23,6 +23,7 @@ from .equilibrium import CLOSE, GOING_ON, NOT_SHORT, WARM_STEPS, Descent, Settle
 from .numpy_vertices import relative
 from .rod import Rod, State
 
+MANY: Final = 12  # contacts beyond which a settling is watched step by step; the kernel that allows it is loaded for them alone
 SLICE: Final = 50  # steps between two signs of life
 FIRST: Final = 4  # steps, as long as nobody knows how long one takes
 PART: Final = 8  # of what is left, one slice takes no more than this part
@@ -78,18 +79,24 @@ class Clock:
 
     def iterate(self, path: ModuleType, rod: Rod, descent: Descent) -> tuple[Descent, Settled]:
         """As `iteration.iterate`, for as many steps as are well within what is left."""
-        found = descent.settled
-        while found.why == GOING_ON:
-            count, begun = self._fits(rod, is_exact=False), time.thread_time()
-            descent = Descent(*path.descend(rod, descent, count))
-            self._took(rod, descent.settled.iterations - found.iterations, time.thread_time() - begun, is_exact=False)
-            found = descent.settled
+        while True:
+            before, count, begun = descent.settled.iterations, self._fits(rod, is_exact=False), time.thread_time()
+            if len(rod.touch.element) > MANY:
+                descent, settled = Descent(*path.descend(rod, descent, count)), None
+            else:
+                descent, settled = path.iterate(rod, descent, count)
+            found = Settled(*descent.settled)
+            also = settled[4] if settled is not None and found.why == CLOSE else 0
+            self._took(rod, found.iterations - before + also, time.thread_time() - begun, is_exact=False)
             self(found.iterations, float(found.unbalanced))
-        return descent, self.settle(path, rod, found.state) if found.why == CLOSE else found
+            if found.why == CLOSE:
+                return Descent(*descent), self.settle(path, rod, found.state) if settled is None else Settled(*settled)
+            if found.why != GOING_ON:
+                return Descent(*descent), found
 
     def settle(self, path: ModuleType, rod: Rod, state: State) -> Settled:
-        """As `equilibrium.settle`; step by step with contacts, or where all steps may not fit, and given up if it goes astray."""
-        if not len(rod.touch.element) and WARM_STEPS * self._step(rod, is_exact=True) <= self.left:
+        """As `equilibrium.settle`; step by step with many contacts, or where all steps may not fit, and given up if it goes astray."""
+        if len(rod.touch.element) <= MANY and WARM_STEPS * self._step(rod, is_exact=True) <= self.left:
             return self._settled(path, rod, state, 0.0)
         last, idle, spent = math.inf, 0, 0
         while spent < WARM_STEPS:
