@@ -25,7 +25,7 @@ from .rod import Rod, State
 
 MANY: Final = 12  # contacts beyond which a settling is watched step by step; the kernel that allows it is loaded for them alone
 SLICE: Final = 50  # steps between two signs of life
-FIRST: Final = 4  # steps, as long as nobody knows how long one takes
+FIRST: Final = 2  # slices of one step each, of which the first may have loaded a library and so tell too much
 PART: Final = 8  # of what is left, one slice takes no more than this part
 TAIL: Final = 4  # steps from close to an equilibrium to it
 WITH_CONTACT: Final = 0.25
@@ -54,6 +54,7 @@ class Clock:
         self._begun_level = 0.0  # s
         self._level: list[tuple[int, float]] = []  # segments and s of the last two meshes
         self._stepping = 0.0  # s
+        self._slices = 0
 
     def __call__(self, iteration: int, residual: float) -> None:
         """Pass a sign of life on."""
@@ -157,11 +158,14 @@ class Clock:
     def _fits(self, rod: Rod, *, is_exact: bool) -> int:
         """How many steps make a slice."""
         step = self._step(rod, is_exact=is_exact)
+        self._slices += 1
+        if self._slices <= FIRST and step <= self.left:
+            return 1
         left = self.left - TAIL * self._step(rod, is_exact=True)
         if left < step:
             rows = len(rod.touch.element)
             raise OutOfTime(f"a step on {len(rod.lengths)} segments" + (f" with {rows} contacts" if rows else ""))
-        return FIRST if step <= 0.0 else max(1, min(SLICE, int(left / (PART * step))))
+        return 1 if step <= 0.0 else max(1, min(SLICE, int(left / (PART * step))))
 
     def _settled(self, path: ModuleType, rod: Rod, state: State, near: float) -> Settled:
         begun = time.thread_time()
