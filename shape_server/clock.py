@@ -159,7 +159,7 @@ class Clock:
         """How many steps make a slice."""
         step = self._step(rod, is_exact=is_exact)
         self._slices += 1
-        if self._slices <= FIRST and step <= self.left:
+        if self._slices <= FIRST and self.left > 0.0:
             return 1
         left = self.left - TAIL * self._step(rod, is_exact=True)
         if left < step:

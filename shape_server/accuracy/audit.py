@@ -6,6 +6,7 @@
 | pessimism | estimate over true error, median; errors below 1e-10 of the length count as that | at most 3 |
 | tolerance kept | the true error is below the tolerance asked for, where the answer does not say otherwise | in 99 % |
 | budget kept | CPU time is at most 1.2 times the budget asked for | in 95 % |
+| answered | the budget reached for a shape; else the answer says that it did not | |
 
 The true error is the largest distance of any node from the exact point at its arc length, from references of other making
 (`boundary_value`, `floor`, `hanging`); a catenary promises the polyline between its nodes too. A request
@@ -47,6 +48,7 @@ class Audited:
     seconds: float = 0.0  # of CPU
     budget: float = 0.0  # s
     spent: float = 0.0  # s of CPU, of the answer to the budget
+    is_answered: bool = True  # whether that is a shape
 
     @property
     def is_covered(self) -> bool:
@@ -75,6 +77,7 @@ class Summary:
     pessimism: float
     tolerance_kept: float
     budget_kept: float
+    answered: float
     milliseconds: float  # of CPU, median, by tolerance
 
     @property
@@ -101,7 +104,7 @@ def audited(seed: int) -> Audited:
     exact = drawn.exact(shape)
     if exact is None:
         return Audited(seed, drawn.kind, "no reference was found")
-    budget, spent = _within_budget(drawn, seed)
+    budget, spent, is_answered = _within_budget(drawn, seed)
     return Audited(
         seed=seed,
         kind=drawn.kind,
@@ -112,6 +115,7 @@ def audited(seed: int) -> Audited:
         seconds=seconds,
         budget=budget,
         spent=spent,
+        is_answered=is_answered,
     )
 
 
@@ -124,7 +128,7 @@ def summaries(results: Sequence[Audited]) -> list[Summary]:
 def _summary(kind: str, results: Sequence[Audited]) -> Summary:
     known = [one for one in results if not one.sentence]
     if not known:
-        return Summary(kind, len(results), len(results), 1.0, 1.0, 1.0, 1.0, 0.0)
+        return Summary(kind, len(results), len(results), 1.0, 1.0, 1.0, 1.0, 1.0, 0.0)
     return Summary(
         kind=kind,
         cases=len(results),
@@ -133,14 +137,15 @@ def _summary(kind: str, results: Sequence[Audited]) -> Summary:
         pessimism=statistics.median(one.pessimism for one in known),
         tolerance_kept=statistics.fmean(one.is_within for one in known),
         budget_kept=statistics.fmean(one.spent <= LATE * one.budget for one in known),
+        answered=statistics.fmean(one.is_answered for one in known),
         milliseconds=1e3 * statistics.median(one.seconds for one in known),
     )
 
 
-def _within_budget(drawn: Draw, seed: int) -> tuple[float, float]:
-    """A budget [s], and the CPU time of an answer to it."""
+def _within_budget(drawn: Draw, seed: int) -> tuple[float, float, bool]:
+    """A budget [s], the CPU time of an answer to it, and whether that is a shape."""
     low, high = np.log(BUDGETS)
     budget = float(np.exp(np.random.default_rng([21, seed]).uniform(low, high)))
     begun = time.process_time()
-    solve(drawn.problem, drawn.gravity, budget=budget, path=kernels)
-    return budget, time.process_time() - begun
+    shape = solve(drawn.problem, drawn.gravity, budget=budget, path=kernels)
+    return budget, time.process_time() - begun, shape.outcome is Outcome.CONVERGED

@@ -45,7 +45,7 @@ def study_json(studies: Sequence[Studied]) -> dict[str, Any]:
 
 def audit_table(summaries: Sequence[Summary]) -> str:
     """One row a kind of request, and what is wanted."""
-    rows = [("requests", "cases", "unknown", "coverage", "pessimism", "tolerance kept", "budget kept", "median ms")]
+    rows = [("requests", "cases", "unknown", "coverage", "pessimism", "tolerance kept", "budget kept", "answered", "median ms")]
     rows += [
         (
             one.kind,
@@ -55,11 +55,12 @@ def audit_table(summaries: Sequence[Summary]) -> str:
             f"{one.pessimism:.2f}",
             f"{one.tolerance_kept:.1%}",
             f"{one.budget_kept:.1%}",
+            f"{one.answered:.1%}",
             f"{one.milliseconds:.2f}",
         )
         for one in summaries
     ]
-    rows.append(("wanted", "", "", f">= {COVERAGE:.0%}", f"<= {PESSIMISM:g}", f">= {TOLERANCE_KEPT:.0%}", f">= {BUDGET_KEPT:.0%}", ""))
+    rows.append(("wanted", "", "", f">= {COVERAGE:.0%}", f"<= {PESSIMISM:g}", f">= {TOLERANCE_KEPT:.0%}", f">= {BUDGET_KEPT:.0%}", "", ""))
     return _aligned(rows)
 
 

@@ -13,7 +13,7 @@ from protocol.kinds import Outcome
 from protocol.messages import Problem
 from shape_server import effects, kernels, numpy_path, solve
 from shape_server.accuracy.draws import lying_on_floor
-from shape_server.clock import SLICE, Clock, OutOfTime
+from shape_server.clock import FIRST, SLICE, Clock, OutOfTime
 from shape_server.descent import relax, settle_or_relax
 from shape_server.mesh import even, stops
 from shape_server.task import Task
@@ -100,9 +100,11 @@ def test_a_step_that_does_not_fit_is_not_begun() -> None:
     task = Task(problem, GRAVITY, 1e-3, None, False, False, ("gravity", "bending", "twist"), kernels, quiet)
     rod = task.system(even(stops(problem), problem.grasps.s, 24)).rod
     clock = Clock(1e-2, quiet)
+    clock._slices = FIRST
     clock._took(rod, 1, 1e-4, is_exact=False)
     assert 1 <= clock._fits(rod, is_exact=False) < SLICE
     slow = Clock(1e-2, quiet)
+    slow._slices = FIRST
     slow._took(rod, 1, 9e-3, is_exact=False)
     with pytest.raises(OutOfTime, match="a step on 24 segments"):
         slow._fits(rod, is_exact=False)
