@@ -23,12 +23,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import ours
-import peer_scipy
 import pytest
-from problems import Hanging, spatial_motions
-from references import references
-from timing import Row, follow, milliseconds, time_for
 
 from protocol.codec import encode
 from protocol.messages import Problem, ShapeReply
@@ -42,6 +37,10 @@ from rods import Row as ContactRow  # noqa: E402
 from test_contact_reference import EDGES, clamps, on_mesh, over_the_edge  # noqa: E402
 
 from shape_server import Follower, effects, kernels, numpy_path, solve  # noqa: E402
+from shape_server.accuracy.peers import ours, peer_scipy  # noqa: E402
+from shape_server.accuracy.peers.motions import Hanging, spatial_motions  # noqa: E402
+from shape_server.accuracy.peers.references import references  # noqa: E402
+from shape_server.accuracy.peers.timing import Row, follow, milliseconds, time_for  # noqa: E402
 from shape_server.equilibrium import Settled  # noqa: E402
 from shape_server.first_shape import from_grasps  # noqa: E402
 from shape_server.mesh import even, stops  # noqa: E402
