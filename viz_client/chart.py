@@ -40,6 +40,24 @@ def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float]
     return _text(figure)
 
 
+def stacked_over_time(series: Sequence[Series], sentence: str, most: float) -> str:
+    """Milliseconds of every step over the simulated time, one upon the other up to `most`, as the text of an SVG element."""
+    figure, axes = _figure()
+    colours = COLOURS[: len(series)]
+    axes.stackplot(
+        series[0].x if series else [], *(one.y for one in series), labels=[one.name for one in series], colors=colours, linewidth=0
+    )
+    axes.set_ylim(0.0, most)
+    axes.margins(x=0.0)
+    axes.set_xlabel("simulated time [s]")
+    axes.set_ylabel("time that each step took, by part [ms]")
+    axes.grid(axis="y", linewidth=0.3, color="#dddddd")
+    handles, names = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], names[::-1], fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    figure.supxlabel(sentence, fontsize=8, wrap=True)
+    return _text(figure)
+
+
 def _figure() -> tuple[Any, Any]:
     import matplotlib
 

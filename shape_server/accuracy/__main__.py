@@ -10,11 +10,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 from protocol.errors import CablecosimError
 
 from ..paths import is_compiled
+from . import moving
 from .audit import audit, summaries
 from .problems import standard
 from .report import audit_json, audit_table, study_json, study_table
@@ -52,12 +54,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _study(arguments: argparse.Namespace) -> int:
-    problems = {one.name: one for one in standard()}
-    names = arguments.problem or list(problems)
-    unknown = [name for name in names if name not in problems]
+    known = {one.name: partial(study, one, _progress) for one in standard()}
+    known |= {one.name: partial(moving.study, one, _progress) for one in moving.standard()}
+    names = arguments.problem or list(known)
+    unknown = [name for name in names if name not in known]
     if unknown:
-        raise CablecosimError(f"problem {unknown[0]!r} unknown; there are {', '.join(map(repr, problems))}")
-    studies = [study(problems[name], _progress) for name in names]
+        raise CablecosimError(f"problem {unknown[0]!r} unknown; there are {', '.join(map(repr, known))}")
+    studies = [known[name]() for name in names]
     _progress("")
     sys.stdout.write(study_table(studies) + "\n")
     _write(arguments.json, study_json(studies))

@@ -85,7 +85,7 @@ class Plane:
 
     def miss(self, a: np.ndarray, b: np.ndarray, _p: np.ndarray) -> np.ndarray:
         """(6,) What the ends miss their clamps by."""
-        return np.concatenate([a[:3], b[:3]]) - self.ends
+        return np.asarray(np.concatenate([a[:3], b[:3]]) - self.ends)
 
     def miss_slopes(self, _a: np.ndarray, _b: np.ndarray, _p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Its derivatives by both states and the parameters."""

@@ -83,7 +83,7 @@ class Statics:
         deck = self.folder / "deck.dat"
         deck.write_text(_deck(self.rod, self.setting, position, quaternion, has_torsion=self.driver is not None), encoding="utf-8")
         try:
-            return self._solve(deck) + np.array([0.0, 0.0, DEPTH])
+            return np.asarray(self._solve(deck) + np.array([0.0, 0.0, DEPTH]))
         except self.refusals:
             return np.full((self.setting.segments + 1, 3), np.nan)
 
