@@ -41,6 +41,6 @@ def sentence(frames: list[Frame]) -> str:
     share = shares[largest] / whole if whole > 0.0 else 0.0
     why = max(PARTS, key=lambda name: float(getattr(longest.bill, name)))
     return (
-        f"The median step took {median:.2g} ms. Most went to '{largest}', {share:.0%} of the {whole:.3g} s that all {len(frames)} steps took; "
-        f"the longest, at {longest.time:.4g} s, took {1e3 * longest.bill.total:.3g} ms, most of it '{why}'."
+        f"The median step took {median:.2g} ms. Most went to '{largest}', {share:.0%} of the {whole:.3g} s that all {len(frames)} steps "
+        f"took; the longest, at {longest.time:.4g} s, took {longest.bill.total:.3g} s, most of it '{why}'."
     )

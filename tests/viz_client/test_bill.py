@@ -23,7 +23,7 @@ def test_the_sentence_names_the_median_the_largest_part_and_the_longest_step() -
     frames = [billed(1, solve=2e-3, wire=1e-3), billed(2, solve=2e-3, wire=1e-3), billed(3, search=9e-3, solve=6e-3)]
     assert sentence(frames) == (
         "The median step took 3 ms. Most went to 'solve', 48% of the 0.021 s that all 3 steps took; "
-        "the longest, at 0.3 s, took 15 ms, most of it 'search'."
+        "the longest, at 0.3 s, took 0.015 s, most of it 'search'."
     )
 
 
