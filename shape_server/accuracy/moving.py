@@ -76,7 +76,7 @@ def study(moving: Moving, told: Told = lambda sentence: None) -> Studied:
             follower = peer.prepare(motions, known[0], setting)
             row = timing.follow(peer.NAME, setting, follower, motions, known, numbers=numbers)
             rows += _row(peer.NAME, str(setting), row, len(follower.s), MOTIONS)
-    return Studied(moving.name, moving.title, tuple(rows), (), tuple(peers), tuple(missing))
+    return Studied(moving.name, moving.title, tuple(rows), (), tuple(peers), tuple(missing), "the whole loop")
 
 
 def _by_tolerance(motions: Motions, known: dict[int, Solved]) -> Iterator[Row]:

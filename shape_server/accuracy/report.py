@@ -34,6 +34,7 @@ def study_json(studies: Sequence[Studied]) -> dict[str, Any]:
                 "name": one.name,
                 "title": one.title,
                 "sentence": sentence(one),
+                "measured": one.measured,
                 "rows": [_plain(row) for row in one.rows],
                 "frontier": [[row.error, row.seconds] for row in frontier(one.rows)],
                 "refused": dict(one.refused),
@@ -41,6 +42,12 @@ def study_json(studies: Sequence[Studied]) -> dict[str, Any]:
             for one in studies
         ]
     }
+
+
+def from_elsewhere(problem: dict[str, Any]) -> Studied:
+    """A study whose rows were measured elsewhere, from plain values as `study_json` gives them."""
+    rows = [Row(**(row | {"estimate": math.inf if row["estimate"] is None else row["estimate"]})) for row in problem["rows"]]
+    return Studied(problem["name"], problem["title"], tuple(rows), (), (), tuple(problem["remarks"]), problem["measured"])
 
 
 def audit_table(summaries: Sequence[Summary]) -> str:

@@ -71,7 +71,8 @@ class Studied:
     rows: tuple[Row, ...]
     refused: tuple[tuple[str, str], ...]  # settings that gave no shape, with the sentence
     peers: tuple[str, ...] = ()  # groups of rows that are other programs
-    missing: tuple[str, ...] = ()  # a sentence for each program that could run this and is not installed
+    missing: tuple[str, ...] = ()  # a sentence for each program that could run this and is not installed, and other remarks
+    measured: str = "one answer"  # what the time is of
 
 
 def study(static: Static, told: Callable[[str], None] = lambda sentence: None) -> Studied:
