@@ -23,6 +23,7 @@ from .equilibrium import CLOSE, GOING_ON, NOT_SHORT, WARM_STEPS, Descent, Settle
 from .numpy_vertices import relative
 from .rod import Rod, State
 
+SPARE: Final = 0.9  # of the budget, that is planned for
 MANY: Final = 12  # contacts beyond which a settling is watched step by step; the kernel that allows it is loaded for them alone
 SLICE: Final = 50  # steps between two signs of life
 FIRST: Final = 2  # slices of one step each, of which the first may have loaded a library and so tell too much
@@ -67,8 +68,8 @@ class Clock:
 
     @property
     def rest(self) -> float:
-        """[s] Of the budget."""
-        return self.budget - self.spent
+        """[s] Of the budget, a tenth of which is left for what nobody foresees."""
+        return SPARE * self.budget - self.spent
 
     @property
     def left(self) -> float:

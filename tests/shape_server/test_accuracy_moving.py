@@ -29,14 +29,14 @@ def test_every_posture_of_the_loop_is_within_the_tolerance(studied: Studied) -> 
     automatic = [row for row in studied.rows if row.group == AUTOMATIC]
     assert [row.setting for row in automatic] == ["0.001 L", "1e-05 L"]
     for row, tolerance in zip(automatic, (1e-3, 1e-5), strict=True):
-        assert row.error <= row.estimate  # measured 0.73 and 0.77 of it
+        assert row.error <= row.estimate  # measured 0.80 and 0.76 of it
         assert row.error <= tolerance
 
 
 def test_longer_time_steps_cost_less_and_statics_forget_them(studied: Studied) -> None:
     short, long = (row for row in studied.rows if row.group == moving.TIME_STEP)
     assert long.error == pytest.approx(short.error, rel=0.01)
-    assert long.factorisations < short.factorisations / 3  # measured 0.14: a long motion takes more steps, but not ten times as many
+    assert long.factorisations < short.factorisations / 3  # measured 0.09: a long motion takes more steps, but not ten times as many
 
 
 def test_a_follower_is_as_exact_as_its_mesh(studied: Studied) -> None:
