@@ -25,6 +25,8 @@ Settings = Annotated[
 ]
 SceneName = Annotated[str, Parameter(help="A built-in scene (see `cablecosim list`) or the path of a .toml file.")]
 
+STUDIED = ("harness_assembly", "case_study_1")  # scenes of the standard set of `accuracy`
+
 app = App(
     name="cablecosim",
     help="Simulate a robot assembling a cable harness.",
@@ -222,7 +224,7 @@ def hardcases(
 
 @app.command
 def accuracy(
-    problem: Annotated[list[str] | None, Parameter(negative=(), help="One of the standard set, by name; may be given again.")] = None,
+    problem: Annotated[list[str] | None, Parameter(negative=(), help="One of the standard set, or a scene; may be given again.")] = None,
     *,
     out: Annotated[Path, Parameter(help="Folder for accuracy.json and accuracy.html.")] = Path("runs/accuracy"),
 ) -> int:
@@ -230,15 +232,33 @@ def accuracy(
     import subprocess
 
     from .children import command, environment
+    from .load import built_in
 
     out.mkdir(parents=True, exist_ok=True)
-    report = out / "accuracy.json"
-    words = ["study", "--json", str(report), *(word for name in problem or () for word in ("--problem", name))]
+    report, measured = out / "accuracy.json", out / "scenes.json"
+    scenes = [name for name in problem or STUDIED if name in built_in() or name.endswith(".toml")]
+    words = ["study", "--json", str(report), *(word for name in problem or () if name not in scenes for word in ("--problem", name))]
+    if scenes:
+        _study_scenes(scenes, measured)
+        words += ["--measured", str(measured), *(["--nothing-else"] if problem and len(scenes) == len(problem) else [])]
     for program, arguments in (("shape_server.accuracy", words), ("viz_client", ["--accuracy", str(report)])):
         done = subprocess.run(command(program, arguments), env=environment(), check=False)
         if done.returncode:
             break
     return done.returncode if done.returncode >= 0 else 1
+
+
+def _study_scenes(scenes: list[str], file: Path) -> None:
+    from .load import load, scene_name
+    from .progress import display
+    from .scene_study import study_scene
+
+    show = display()
+    try:
+        studied = [study_scene(load(name), scene_name(name), show, show.say) for name in scenes]
+    finally:
+        show.close()
+    file.write_text(json.dumps(studied), encoding="utf-8")
 
 
 @app.command

@@ -107,9 +107,17 @@ def _steps_to_fold(before: float | None, now: float | None) -> float | None:
 
 
 def no_shape(
-    problem: Problem, used: tuple[str, ...], outcome: Outcome, sentence: str, model: str, seconds: float, iterations: int = 0
+    problem: Problem,
+    used: tuple[str, ...],
+    outcome: Outcome,
+    sentence: str,
+    model: str,
+    seconds: float,
+    iterations: int = 0,
+    *,
+    advice: str = "",
 ) -> Shape:
-    """An answer without a shape: its arrays are empty, so that nobody can take it for one."""
+    """An answer without a shape: its arrays are empty, so that nobody can take it for one; with the outcome's advice unless given."""
     return Shape(
         s=np.zeros(0),
         nodes=np.zeros((0, 3)),
@@ -121,7 +129,7 @@ def no_shape(
         contact_moments=np.zeros((0, 3)),
         contact_s=np.zeros(0),
         outcome=outcome,
-        sentence=f"{sentence}. {outcome.advice}",
+        sentence=f"{sentence}. {advice or outcome.advice}",
         model=model,
         effects=used,
         left_out={},

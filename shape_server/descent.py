@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import ModuleType
-from typing import Final
 
 import numpy as np
 
+from .clock import SLICE, Clock
 from .equilibrium import CLOSE, GOING_ON, NO_MINIMUM, RELAX_STEPS, Descent, Settled
 from .rod import Rod, State
-
-SLICE: Final = 50  # steps between two signs of life
 
 Progress = Callable[[int, float], None]
 
@@ -20,7 +18,10 @@ def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settl
     """Descend to a minimum of the energy from any state, then settle there."""
     descent = _begun(path, rod, state._replace(push=np.maximum(state.push, 0.0)))
     while True:
-        descent, settled = path.iterate(rod, descent, SLICE)
+        if isinstance(progress, Clock):
+            descent, settled = progress.iterate(path, rod, descent)
+        else:
+            descent, settled = path.iterate(rod, descent, SLICE)
         found = descent.settled
         progress(found.iterations, float(found.unbalanced))
         if found.why == CLOSE:
@@ -56,12 +57,19 @@ def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, itera
 
 def settle_or_relax(path: ModuleType, rod: Rod, begin: State, progress: Progress) -> Settled:
     """Settle from a state nearby; relax from it where that finds no stable equilibrium."""
-    after = Settled(*path.iterate(rod, _begun(path, rod, begin), 0)[1])
+    after = settle(path, rod, begin, progress)
     progress(after.iterations, float(after.unbalanced))
     if after.is_converged and after.is_stable:
         return after
     relaxed = relax(path, rod, off_the_saddle(path, rod, begin, after), progress)
     return relaxed._replace(iterations=relaxed.iterations + after.iterations)
+
+
+def settle(path: ModuleType, rod: Rod, begin: State, progress: Progress) -> Settled:
+    """Settle from a state nearby, for a cold start, which relaxes too: see `iteration`."""
+    if isinstance(progress, Clock):
+        return progress.settle(path, rod, begin)
+    return Settled(*path.iterate(rod, _begun(path, rod, begin), 0)[1])
 
 
 def off_the_saddle(path: ModuleType, rod: Rod, begin: State, after: Settled) -> State:

@@ -19,6 +19,7 @@ from .drag import normal_forces as normal_forces
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
 from .equilibrium import begin_stiffness as begin_stiffness
+from .equilibrium import descend as descend
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
 from .half_cells import lacking as lacking

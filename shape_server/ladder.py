@@ -26,6 +26,7 @@ from protocol.scene import Vector
 
 from .answer import no_shape
 from .balance import balanced
+from .clock import Clock
 from .cold import tangent_of
 from .hanging import not_built, solve_hanging
 from .mesh import Mesh, even, stops
@@ -139,9 +140,11 @@ def answer(problem: Problem, used: tuple[str, ...], rung: Rung, model: Model, se
     )
 
 
-def catenary_shape(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
-    """Catenaries between held points."""
-    hanging = solve_hanging(problem, gravity, tolerance)
+def catenary_shape(
+    problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float, clock: Clock | None = None
+) -> Shape:
+    """Catenaries between held points, by the tolerance or by the clock."""
+    hanging = solve_hanging(problem, gravity, tolerance, clock)
     if hanging.outcome is not Outcome.CONVERGED:
         return no_shape(problem, used, hanging.outcome, hanging.sentence, "catenary", time.perf_counter() - begun)
     wrenches = np.zeros((len(problem.grasps.s), 6))
@@ -195,8 +198,10 @@ def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: 
     return answer(problem, used, rung, Model.TAUT, "straight line", begun)
 
 
-def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
-    """The paper's moment-accepting cable, in a plane, with moderate slopes."""
+def gradient_shape(
+    problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float, clock: Clock | None = None
+) -> Shape:
+    """The paper's moment-accepting cable, in a plane, with moderate slopes; by the tolerance or by the clock."""
     from .gradient_cable import NotCovered, lay
 
     grasps, cable = problem.grasps, problem.cable
@@ -209,12 +214,16 @@ def gradient_shape(problem: Problem, gravity: Vector, tolerance: float, used: tu
     ends = grasps.position
     for segments in SEGMENTS:
         mesh = even(stops(problem), grasps.s, segments)
+        if clock is not None:
+            clock.begin()
         try:
             laid = lay(ends[0], ends[1], cable.length, load, cable.bending, cable.micro_length or 0.0, tangents[0], tangents[1], mesh.s)
         except NotCovered as error:
             return no_shape(problem, used, Outcome.UNSUPPORTED, str(error), "gradient", time.perf_counter() - begun)
         sag = float(np.abs(laid.curvature).max()) * float(mesh.lengths.max()) ** 2 / 8
-        if sag <= tolerance:
+        if clock is not None:
+            clock.level(segments)
+        if sag <= tolerance if clock is None else not clock.fits(2 * segments):
             break
     aside = np.cross(grasps.position[1] - grasps.position[0], load)
     axis = aside / max(float(np.linalg.norm(aside)), 1e-300)

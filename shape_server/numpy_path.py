@@ -127,6 +127,7 @@ _GIVEN = {
 }
 _plain: dict[str, Any] = interpreted({name: item for name, item in vars(kernels).items() if hasattr(item, "py_func")}, _GIVEN)
 begin_stiffness, iterate, kick = _plain["begin_stiffness"], _plain["iterate"], _plain["kick"]
+descend = _plain["descend"]
 settle, newton_step, unbalanced = _plain["settle"], _plain["newton_step"], _plain["unbalanced"]
 mend, lacking = _plain["mend"], _plain["lacking"]
 linear_system, border_rows, border_columns = _plain["linear_system"], _plain["border_rows"], _plain["border_columns"]

@@ -39,6 +39,7 @@ class Paths:
         self._child: subprocess.Popen[bytes] | None = None
         self.current: ModuleType = numpy_path
         if kernels == "numpy":
+            importlib.import_module("scipy.linalg")  # now, and not within the budget of the first request
             return
         if kernels == "compiled" or is_compiled():
             self.current = compile_kernels()

@@ -16,13 +16,14 @@ from protocol.messages import Problem, Shape
 from . import branches, link
 from .answer import Price, no_shape, rod_shape
 from .balance import balanced, swung
+from .clock import OutOfTime
 from .cold import curve_frames
 from .descent import settle_or_relax
 from .equilibrium import WHY, Settled
 from .first_shape import from_grasps
 from .mesh import LAYER_SHARE, Mesh, doubled, even, graded, halved, stops
 from .reading import Reading
-from .richardson import FLOOR, RATIO_LEAST, RATIO_MOST, SAFETY, apart, combined, transfer
+from .richardson import FLOOR, RATIO_LEAST, RATIO_MOST, SAFETY, TOUCHING, apart, combined, transfer
 from .system import System
 from .task import Solution, Task
 
@@ -36,7 +37,22 @@ TURN_MOST: Final = 0.5  # rad between neighbouring segments
 
 
 def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
-    """Solve from the grasps alone, refining the mesh, or on the mesh given and one coarser."""
+    """Solve from the grasps alone, refining the mesh, or on the mesh given and one coarser; by the budget the best that fits."""
+    try:
+        return _cold(task, mesh, spent)
+    except OutOfTime as what:
+        return late(task, what, spent)
+
+
+def late(task: Task, what: OutOfTime, spent: int) -> Shape:
+    """No shape within the budget, and what did not fit."""
+    budget = 1e3 * (task.budget or 0.0)
+    sentence = f"the budget of {budget:.3g} ms does not reach for a first shape: {what} would not have ended in time"
+    advice = "Give more time, or leave out the budget; a start shape from the step before helps most."
+    return no_shape(task.problem, task.used, Outcome.NOT_CONVERGED, sentence, "rod", task.seconds, spent, advice=advice)
+
+
+def _cold(task: Task, mesh: Mesh | None, spent: int) -> Shape:
     problem = task.problem
     places = stops(problem)
     coarsest = even(places, problem.grasps.s, _coarsest(problem)) if mesh is None else halved(mesh)
@@ -62,20 +78,27 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
         return _further(task, mesh, found, spent)
     levels = [Solution(task, system, found)]
     if mesh is None:
-        layered = _layered(task, levels[0], places)
-        if layered is not None:
-            levels = [_next(task, levels[0], layered)]
-            spent += levels[0].found.iterations
+        try:
+            layered = _layered(task, levels[0], places)
+            if layered is not None:
+                levels = [_next(task, levels[0], layered)]
+                spent += levels[0].found.iterations
+        except OutOfTime as what:
+            return _as_far_as(task, levels, spent, what)
     if not _is_good(levels[0]):
         return _further(task, mesh, levels[0].found, spent)
     while True:
         last = levels[-1]
         reading, price = judged(task, levels, spent)
+        if task.clock is not None:
+            task.clock.level(len(last.system.mesh.lengths))
         is_last = len(levels) == 2 if mesh is not None else len(levels) > 1 and _is_enough(task, levels, price)
         if is_last:
             return rod_shape(task, last, reading, _sentence(task, price, last), price)
-        begun = time.perf_counter()
-        finer = _next(task, last, doubled(last.system.mesh) if mesh is None else mesh)
+        try:
+            finer = _next(task, last, doubled(last.system.mesh) if mesh is None else mesh)
+        except OutOfTime as what:
+            return _as_far_as(task, levels, spent, what)
         spent += finer.found.iterations
         if not _is_good(finer):
             if mesh is not None or len(levels) == 1:
@@ -83,9 +106,13 @@ def cold(task: Task, *, mesh: Mesh | None = None, spent: int = 0) -> Shape:
             why = f"{_sentence(task, price, last)}; on twice as many segments {WHY[finer.found.why]}"
             return rod_shape(task, last, reading, why, price)
         levels = [*levels[-2:], finer]
-        if task.budget is not None and task.seconds + 2.5 * (time.perf_counter() - begun) > task.budget:
-            reading, price = judged(task, levels, spent)
-            return rod_shape(task, finer, reading, _sentence(task, price, finer), price)
+
+
+def _as_far_as(task: Task, levels: list[Solution], spent: int, what: OutOfTime) -> Shape:
+    """The best answer so far, and what did not fit into the budget any more."""
+    reading, price = judged(task, levels, spent)
+    unknown = "; its error is not known, for that takes a second mesh" if len(levels) == 1 else ""
+    return rod_shape(task, levels[-1], reading, f"{_sentence(task, price, levels[-1])}; {what} was out of the budget{unknown}", price)
 
 
 def _coarsest(problem: Problem) -> int:
@@ -110,7 +137,7 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
     before, floor = levels[-2], FLOOR * task.problem.cable.length
     gaps = [apart(*pair) for pair in pairwise(levels)]
     is_regular = len(gaps) == 2 and (RATIO_LEAST < gaps[0] / max(gaps[1], 1e-300) < RATIO_MOST or gaps[1] < 1e3 * floor)
-    share = SAFETY / 3 if is_regular or len(gaps) == 1 else 1.0
+    share = (TOUCHING if task.touches else SAFETY) / 3 if is_regular or len(gaps) == 1 else 1.0
     plain = Price(
         error=share * gaps[-1] + floor,
         error_tension=share * _change(before.sections[0], reading.tension),
@@ -157,7 +184,9 @@ def _is_enough(task: Task, levels: list[Solution], price: Price) -> bool:
     finest = FINEST_TOUCHING if task.touches else FINEST
     if 2 * count > finest:
         return True
-    return task.budget is None and price.error <= task.tolerance and _turn_at_nodes(levels[-1]) <= TURN_MOST
+    if task.budget is not None:
+        return price.error <= 2 * FLOOR * task.problem.cable.length
+    return price.error <= task.tolerance and _turn_at_nodes(levels[-1]) <= TURN_MOST
 
 
 def _turn_at_nodes(solution: Solution) -> float:
@@ -219,6 +248,10 @@ def _layered(task: Task, first: Solution, places: np.ndarray) -> Mesh | None:
 
 def _next(task: Task, last: Solution, mesh: Mesh) -> Solution:
     """The shape on a finer mesh: carried over from the last one, or from the grasps if it does not settle there."""
+    if task.clock is not None:
+        if not task.clock.fits(len(mesh.lengths)):
+            raise OutOfTime(f"a mesh of {len(mesh.lengths)} segments")
+        task.clock.begin()
     system = task.system(mesh)
     begin = transfer(task.path, system, last.system, last.found.state)
     found = settle_or_relax(task.path, system.rod, begin, task.progress)

@@ -15,6 +15,7 @@ from protocol.scene import Vector
 
 from . import effects, ladder, numpy_path, pieces
 from .answer import no_shape
+from .clock import Clock
 from .descent import Progress
 from .refine import cold
 from .task import Task
@@ -51,8 +52,9 @@ def solve(
     Returns:
         The shape; a hard problem gives one whose `outcome` is not converged, and whose `sentence` says why.
     """
-    used = effects.asked_for(problem, gravity)
     begun = time.perf_counter()
+    clock = None if budget is None else Clock(budget, progress)
+    used = effects.asked_for(problem, gravity)
     model = ladder.choose(problem, gravity, tolerance)
     if any(problem.turns) and model is not Model.ROD:
         sentence = f"whole turns of twist were asked for, which the model '{model.value}' does not know; ask for the rod"
@@ -61,24 +63,29 @@ def solve(
         sentence = f"the model '{model.value}' does not meet itself; ask for the rod, with 'bending' and 'twist'"
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
-        return ladder.catenary_shape(problem, gravity, tolerance, used, begun)
+        return ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock)
     if model is Model.TAUT:
         return ladder.taut_shape(problem, gravity, used, begun)
     if model is Model.GRADIENT:
-        return ladder.gradient_shape(problem, gravity, tolerance, used, begun)
+        return ladder.gradient_shape(problem, gravity, tolerance, used, begun, clock)
     sentence = _not_a_rod(problem)
     if sentence:
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "rod", time.perf_counter() - begun)
     sentence = _too_far(problem)
     if sentence:
         return no_shape(problem, used, Outcome.UNREACHABLE, sentence, "rod", time.perf_counter() - begun)
-    task = Task(problem, gravity, tolerance, budget, extrapolate, margin, used, path, progress)
+    task = Task(problem, gravity, tolerance, budget, extrapolate, margin, used, path, clock or progress, begun)
     if len(pieces.cuts(problem)) == 2:
         return _one_piece(task)
     parts = pieces.split(problem, gravity)
-    share = None if budget is None else budget / len(parts)
-    tasks = [replace(task, problem=part, used=effects.asked_for(part, gravity), budget=share) for part in parts]
-    return pieces.join(problem, [_one_piece(replace(own, begun=time.perf_counter())) for own in tasks])
+    shapes = []
+    for number, part in enumerate(parts):
+        own = replace(task, problem=part, used=effects.asked_for(part, gravity), begun=time.perf_counter())
+        if clock is not None:  # a piece that needed less leaves more for those that come
+            share = clock.rest / (len(parts) - number)
+            own = replace(own, budget=share, progress=Clock(share, progress))
+        shapes.append(_one_piece(own))
+    return pieces.join(problem, shapes)
 
 
 def answer(problem: Problem, request: ShapeRequest, path: ModuleType, progress: Progress = lambda iteration, residual: None) -> Shape:

@@ -13,6 +13,7 @@ import numpy as np
 from protocol.messages import Problem
 from protocol.scene import Vector
 
+from .clock import Clock
 from .descent import Progress
 from .equilibrium import Settled
 from .mesh import Mesh
@@ -48,6 +49,11 @@ class Task:
     def touches(self) -> bool:
         """Whether the cable may touch anything; what touches changes with the mesh, so that no two of them combine."""
         return self.problem.contacts is not None or self.problem.self_contacts is not None
+
+    @property
+    def clock(self) -> Clock | None:
+        """What keeps the budget, if there is one."""
+        return self.progress if isinstance(self.progress, Clock) else None
 
     @property
     def seconds(self) -> float:

@@ -19,6 +19,7 @@ Needs no display. Writes into the folder DIR:
   recording.msgpack   every message as it came; readable with any MessagePack library, even after a crash
   pictures/*.png      the key postures
   replay.html         opens in a browser, offline
+  bill.svg            where the time of every step went
 """
 EPILOG = """exit codes: 0 all of the run was recorded, or it was told to stop; 1 the environment was lost; 2 a wrong request
 

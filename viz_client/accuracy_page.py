@@ -50,7 +50,7 @@ def _section(problem: dict[str, Any]) -> str:
     groups = list(dict.fromkeys(row["group"] for row in rows))
     series = [_series(group, [row for row in rows if row["group"] == group]) for group in groups]
     error, seconds = zip(*problem["frontier"], strict=True)
-    chart = error_against_time(series, ([1e3 * value for value in seconds], [max(value, FLOOR) for value in error]))
+    chart = error_against_time(series, ([1e3 * value for value in seconds], [max(value, FLOOR) for value in error]), problem["measured"])
     refused = "".join(f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in problem["refused"].items())
     return (
         f"<h2>{html.escape(problem['title'])}</h2>{chart}<p>{html.escape(problem['sentence'])}</p>"

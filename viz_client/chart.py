@@ -22,8 +22,8 @@ class Series:
     words: Sequence[str] = ()
 
 
-def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float], Sequence[float]]) -> str:
-    """Error over time on logarithmic axes, the frontier as a line, as the text of an SVG element."""
+def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float], Sequence[float]], measured: str) -> str:
+    """Error over the CPU time of what was measured, on logarithmic axes, the frontier as a line, as the text of an SVG element."""
     figure, axes = canvas(SIZE)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -33,10 +33,28 @@ def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float]
         axes.plot(one.x, one.y, linestyle="-" if len(one.x) > 4 else "none", linewidth=1, label=one.name, zorder=2, **look)
         for x, y, word in zip(one.x, one.y, one.words, strict=False):
             axes.annotate(word, (x, y), textcoords="offset points", xytext=(5, 4), fontsize=7, color=look["color"])
-    axes.set_xlabel("CPU time of one answer [ms]")
+    axes.set_xlabel(f"CPU time of {measured} [ms]")
     axes.set_ylabel("true error of the nodes over the length [-]")
     axes.grid(which="both", linewidth=0.3, color="#dddddd")
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    return svg_text(figure)
+
+
+def stacked_over_time(series: Sequence[Series], sentence: str, most: float) -> str:
+    """Milliseconds of every step over the simulated time, one upon the other up to `most`, as the text of an SVG element."""
+    figure, axes = canvas(SIZE)
+    colours = COLOURS[: len(series)]
+    axes.stackplot(
+        series[0].x if series else [], *(one.y for one in series), labels=[one.name for one in series], colors=colours, linewidth=0
+    )
+    axes.set_ylim(0.0, most)
+    axes.margins(x=0.0)
+    axes.set_xlabel("simulated time [s]")
+    axes.set_ylabel("time that each step took, by part [ms]")
+    axes.grid(axis="y", linewidth=0.3, color="#dddddd")
+    handles, names = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], names[::-1], fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    figure.supxlabel(sentence, fontsize=8, wrap=True)
     return svg_text(figure)
 
 

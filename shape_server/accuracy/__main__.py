@@ -10,14 +10,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 from protocol.errors import CablecosimError
 
 from ..paths import is_compiled
+from . import moving
 from .audit import audit, summaries
 from .problems import standard
-from .report import audit_json, audit_table, study_json, study_table
+from .report import audit_json, audit_table, from_elsewhere, study_json, study_table
 from .study import study
 
 WIDTH = 78
@@ -45,6 +47,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m shape_server.accuracy", description=__doc__)
     parser.add_argument("task", choices=["study", "audit"], help="errors against time, or estimates against errors")
     parser.add_argument("--problem", action="append", metavar="NAME", help="study: one of the standard set; all unless given")
+    parser.add_argument("--measured", type=Path, metavar="FILE", help="study: rows that were measured elsewhere, to be reported too")
+    parser.add_argument("--nothing-else", action="store_true", help="study: nothing but what is named or measured elsewhere")
     parser.add_argument("--cases", type=int, default=1000, help="audit: how many random requests (default 1000)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="audit: seed of the first (default 0)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything")
@@ -52,12 +56,15 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _study(arguments: argparse.Namespace) -> int:
-    problems = {one.name: one for one in standard()}
-    names = arguments.problem or list(problems)
-    unknown = [name for name in names if name not in problems]
+    known = {one.name: partial(study, one, _progress) for one in standard()}
+    known |= {one.name: partial(moving.study, one, _progress) for one in moving.standard()}
+    names = arguments.problem or ([] if arguments.nothing_else else list(known))
+    unknown = [name for name in names if name not in known]
     if unknown:
-        raise CablecosimError(f"problem {unknown[0]!r} unknown; there are {', '.join(map(repr, problems))}")
-    studies = [study(problems[name], _progress) for name in names]
+        raise CablecosimError(f"problem {unknown[0]!r} unknown; there are {', '.join(map(repr, known))}")
+    studies = [known[name]() for name in names]
+    if arguments.measured is not None:
+        studies += [from_elsewhere(one) for one in json.loads(arguments.measured.read_text(encoding="utf-8"))]
     _progress("")
     sys.stdout.write(study_table(studies) + "\n")
     _write(arguments.json, study_json(studies))

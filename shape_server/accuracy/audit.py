@@ -6,6 +6,7 @@
 | pessimism | estimate over true error, median; errors below 1e-10 of the length count as that | at most 3 |
 | tolerance kept | the true error is below the tolerance asked for, where the answer does not say otherwise | in 99 % |
 | budget kept | CPU time is at most 1.2 times the budget asked for | in 95 % |
+| answered | the budget reached for a shape; else the answer says that it did not | |
 
 The true error is the largest distance of any node from the exact point at its arc length, from references of other making
 (`boundary_value`, `floor`, `hanging`); a catenary promises the polyline between its nodes too. A request
@@ -14,6 +15,7 @@ whose reference is not found, or that has no shape, is counted and left out.
 
 from __future__ import annotations
 
+import gc
 import statistics
 import time
 from collections.abc import Iterator, Sequence
@@ -29,6 +31,7 @@ from ..solve import solve
 from .draws import Draw, draw, true_error
 
 ROUNDING: Final = 1e-10  # of the length, below which errors are rounding
+WARM_UP: Final = 5  # requests, one of each kind
 LATE: Final = 1.2  # times the budget
 BUDGETS: Final = (2e-3, 0.1)  # s, drawn evenly in the logarithm
 COVERAGE, PESSIMISM, TOLERANCE_KEPT, BUDGET_KEPT = 0.95, 3.0, 0.99, 0.95
@@ -47,6 +50,7 @@ class Audited:
     seconds: float = 0.0  # of CPU
     budget: float = 0.0  # s
     spent: float = 0.0  # s of CPU, of the answer to the budget
+    is_answered: bool = True  # whether that is a shape
 
     @property
     def is_covered(self) -> bool:
@@ -75,6 +79,7 @@ class Summary:
     pessimism: float
     tolerance_kept: float
     budget_kept: float
+    answered: float
     milliseconds: float  # of CPU, median, by tolerance
 
     @property
@@ -85,7 +90,9 @@ class Summary:
 
 
 def audit(seeds: Sequence[int]) -> Iterator[Audited]:
-    """Audit the requests of some seeds, one after the other, for their times count."""
+    """Audit the requests of some seeds, one after the other, for their times count; the first kernels are loaded before."""
+    for seed in range(WARM_UP):
+        solve(draw(seed).problem, draw(seed).gravity, budget=1.0, path=kernels)
     yield from map(audited, seeds)
 
 
@@ -98,10 +105,10 @@ def audited(seed: int) -> Audited:
     seconds = time.process_time() - begun
     if shape.outcome is not Outcome.CONVERGED or shape.error is None:
         return Audited(seed, drawn.kind, f"no shape: {shape.sentence}")
+    budget, spent, is_answered = _within_budget(drawn, seed)
     exact = drawn.exact(shape)
     if exact is None:
         return Audited(seed, drawn.kind, "no reference was found")
-    budget, spent = _within_budget(drawn, seed)
     return Audited(
         seed=seed,
         kind=drawn.kind,
@@ -112,6 +119,7 @@ def audited(seed: int) -> Audited:
         seconds=seconds,
         budget=budget,
         spent=spent,
+        is_answered=is_answered,
     )
 
 
@@ -124,7 +132,7 @@ def summaries(results: Sequence[Audited]) -> list[Summary]:
 def _summary(kind: str, results: Sequence[Audited]) -> Summary:
     known = [one for one in results if not one.sentence]
     if not known:
-        return Summary(kind, len(results), len(results), 1.0, 1.0, 1.0, 1.0, 0.0)
+        return Summary(kind, len(results), len(results), 1.0, 1.0, 1.0, 1.0, 1.0, 0.0)
     return Summary(
         kind=kind,
         cases=len(results),
@@ -133,14 +141,16 @@ def _summary(kind: str, results: Sequence[Audited]) -> Summary:
         pessimism=statistics.median(one.pessimism for one in known),
         tolerance_kept=statistics.fmean(one.is_within for one in known),
         budget_kept=statistics.fmean(one.spent <= LATE * one.budget for one in known),
+        answered=statistics.fmean(one.is_answered for one in known),
         milliseconds=1e3 * statistics.median(one.seconds for one in known),
     )
 
 
-def _within_budget(drawn: Draw, seed: int) -> tuple[float, float]:
-    """A budget [s], and the CPU time of an answer to it."""
+def _within_budget(drawn: Draw, seed: int) -> tuple[float, float, bool]:
+    """A budget [s], the CPU time of an answer to it, and whether that is a shape."""
     low, high = np.log(BUDGETS)
     budget = float(np.exp(np.random.default_rng([21, seed]).uniform(low, high)))
+    gc.collect()  # what the reference before has left is not the solver's to clear away
     begun = time.process_time()
-    solve(drawn.problem, drawn.gravity, budget=budget, path=kernels)
-    return budget, time.process_time() - begun
+    shape = solve(drawn.problem, drawn.gravity, budget=budget, path=kernels)
+    return budget, time.process_time() - begun, shape.outcome is Outcome.CONVERGED

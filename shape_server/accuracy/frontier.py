@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from .study import AUTOMATIC, PEER, Row, Studied
+from .study import AUTOMATIC, Row, Studied
 
 ROUNDING: Final = 1e-10  # over the length; errors below are rounding
+SHOWN: Final = 4  # errors that a sentence names at most
 LEFT_OUT: Final = "effect left out"
 
 
@@ -52,22 +53,26 @@ def sentence(studied: Studied) -> str:
         )
     held = sum(row.error <= max(row.estimate, ROUNDING) for row in automatic)
     text += f" The estimate held in {held} of {len(automatic)} answers asked for by tolerance."
-    peer = [row for row in studied.rows if row.group == PEER]
-    if peer:
-        text += f" {_against(peer, automatic)}"
+    for name in studied.peers:
+        rows = [row for row in studied.rows if row.group == name]
+        own = [row for row in studied.rows if row.group not in studied.peers]
+        text += f" {_against(name, rows, own)}" if rows else f" {name} lost the cable at every setting."
+    for why in studied.missing:
+        text += f" {why}"
     worst = max((row for row in studied.rows if row.group == LEFT_OUT), key=lambda row: row.error, default=None)
     if worst is not None:
         text += f" What matters most here: {worst.setting} the shape is {worst.error:.1%} of the length off."
     return text
 
 
-def _against(peer: Sequence[Row], automatic: Sequence[Row]) -> str:
-    """How many times as long a peer takes, at the errors that it reaches."""
+def _against(name: str, peer: Sequence[Row], own: Sequence[Row]) -> str:
+    """How many times as long a peer takes as the fastest of ours that is as exact, at the errors that it reaches."""
     ratios = [
-        (row.error, row.seconds / min((own.seconds for own in automatic if own.error <= row.error), default=math.inf)) for row in peer
+        (row.error, row.seconds / min((one.seconds for one in own if one.error <= row.error), default=math.inf)) for row in frontier(peer)
     ]
     known = [(error, ratio) for error, ratio in ratios if ratio > 0.0]
     if not known:
-        return f"{PEER} is more exact than any answer here."
-    times = ", ".join(f"{ratio:.0f} at {error:.0e}" for error, ratio in known)
-    return f"{PEER}, takes {times} times as long as an answer that is as exact."
+        return f"{name} is more exact than any answer here."
+    shown = known if len(known) <= SHOWN else [known[0], known[len(known) // 2], known[-1]]
+    times = ", ".join(f"{ratio:.3g} at {error:.0e}" for error, ratio in shown)
+    return f"{name} takes {times} times as long as our fastest that is as exact."

@@ -34,6 +34,7 @@ def study_json(studies: Sequence[Studied]) -> dict[str, Any]:
                 "name": one.name,
                 "title": one.title,
                 "sentence": sentence(one),
+                "measured": one.measured,
                 "rows": [_plain(row) for row in one.rows],
                 "frontier": [[row.error, row.seconds] for row in frontier(one.rows)],
                 "refused": dict(one.refused),
@@ -43,9 +44,15 @@ def study_json(studies: Sequence[Studied]) -> dict[str, Any]:
     }
 
 
+def from_elsewhere(problem: dict[str, Any]) -> Studied:
+    """A study whose rows were measured elsewhere, from plain values as `study_json` gives them."""
+    rows = [Row(**(row | {"estimate": math.inf if row["estimate"] is None else row["estimate"]})) for row in problem["rows"]]
+    return Studied(problem["name"], problem["title"], tuple(rows), (), (), tuple(problem["remarks"]), problem["measured"])
+
+
 def audit_table(summaries: Sequence[Summary]) -> str:
     """One row a kind of request, and what is wanted."""
-    rows = [("requests", "cases", "unknown", "coverage", "pessimism", "tolerance kept", "budget kept", "median ms")]
+    rows = [("requests", "cases", "unknown", "coverage", "pessimism", "tolerance kept", "budget kept", "answered", "median ms")]
     rows += [
         (
             one.kind,
@@ -55,11 +62,12 @@ def audit_table(summaries: Sequence[Summary]) -> str:
             f"{one.pessimism:.2f}",
             f"{one.tolerance_kept:.1%}",
             f"{one.budget_kept:.1%}",
+            f"{one.answered:.1%}",
             f"{one.milliseconds:.2f}",
         )
         for one in summaries
     ]
-    rows.append(("wanted", "", "", f">= {COVERAGE:.0%}", f"<= {PESSIMISM:g}", f">= {TOLERANCE_KEPT:.0%}", f">= {BUDGET_KEPT:.0%}", ""))
+    rows.append(("wanted", "", "", f">= {COVERAGE:.0%}", f"<= {PESSIMISM:g}", f">= {TOLERANCE_KEPT:.0%}", f">= {BUDGET_KEPT:.0%}", "", ""))
     return _aligned(rows)
 
 

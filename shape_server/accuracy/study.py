@@ -11,7 +11,8 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from functools import partial
+from typing import Final, TypeVar
 
 import msgspec
 import numpy as np
@@ -27,6 +28,10 @@ from ..solve import solve
 from ..task import Task
 from . import boundary_value
 from .draws import true_error
+from .peers import peer_moorpy
+from .peers.installed import is_installed
+from .peers.installed import missing as not_here
+from .peers.motions import Hanging
 from .problems import Static
 
 REPEATS, LONG = 7, 0.25  # repeats at most, and s of CPU after which there is none more
@@ -38,6 +43,8 @@ OPTIONAL: Final = ("bending", "stretch", "natural_curvature", "bending_2")  # nu
 PEER: Final = "SciPy solve_bvp, from our coarse shape"
 PEER_MESH: Final = np.linspace(0.0, 1.0, 21)
 PEER_TOLERANCES: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # relative residual
+MOORPY_NODES: Final = (26, 101, 401)
+Answer = TypeVar("Answer")
 AUTOMATIC: Final = "tolerance, automatic"
 
 
@@ -63,6 +70,9 @@ class Studied:
     title: str
     rows: tuple[Row, ...]
     refused: tuple[tuple[str, str], ...]  # settings that gave no shape, with the sentence
+    peers: tuple[str, ...] = ()  # groups of rows that are other programs
+    missing: tuple[str, ...] = ()  # a sentence for each program that could run this and is not installed, and other remarks
+    measured: str = "one answer"  # what the time is of
 
 
 def study(static: Static, told: Callable[[str], None] = lambda sentence: None) -> Studied:
@@ -86,10 +96,19 @@ def study(static: Static, told: Callable[[str], None] = lambda sentence: None) -
             continue
         away, cost = true_error(shape, exact), shape.cost.factorisations
         rows.append(Row(group, setting, away / length, shape.error / length, seconds, len(shape.s), cost, shape.model))
+    peers, missing = list[str](), list[str]()
     if boundary_value.is_covered(static.problem):
         told(f"{static.name}: {PEER}")
         rows += _peer(static, exact)
-    return Studied(static.name, static.title, tuple(rows), tuple(refused))
+        peers.append(PEER)
+    if _hangs_level(static.problem):
+        if is_installed(peer_moorpy):
+            told(f"{static.name}: {peer_moorpy.NAME}")
+            rows += _moorpy(static, exact)
+            peers.append(peer_moorpy.NAME)
+        else:
+            missing.append(not_here(peer_moorpy))
+    return Studied(static.name, static.title, tuple(rows), tuple(refused), tuple(peers), tuple(missing))
 
 
 def _settings(static: Static) -> Iterator[tuple[str, str, Callable[[], Shape]]]:
@@ -126,6 +145,23 @@ def _peer(static: Static, exact: Callable[[np.ndarray], np.ndarray]) -> Iterator
             yield Row(PEER, f"{tolerance:g}", away, math.inf, seconds, len(found.found.x), 0, PEER)
 
 
+def _hangs_level(problem: Problem) -> bool:
+    """Whether this is a cable without bending between two points at one height along x, the first of which is the origin."""
+    at, cable = problem.grasps.position, problem.cable
+    return cable.bending is None and problem.contacts is None and len(at) == 2 and not at[0].any() and not at[1][1:].any()
+
+
+def _moorpy(static: Static, exact: Callable[[np.ndarray], np.ndarray]) -> Iterator[Row]:
+    """MoorPy's catenary by its number of nodes; its tolerance of 1e-6 m and its EA decide the error."""
+    length, span = static.problem.cable.length, float(static.problem.grasps.position[1, 0])
+    weight = static.problem.cable.mass_per_length * float(np.linalg.norm(static.gravity))
+    for nodes in MOORPY_NODES:
+        asked = Hanging(length, span, weight, nodes)
+        found, seconds = _timed(partial(peer_moorpy.hang, asked, span))
+        away = float(np.linalg.norm(found - exact(asked.s()), axis=1).max()) / length
+        yield Row(peer_moorpy.NAME, f"{nodes} nodes", away, math.inf, seconds, nodes, 0, peer_moorpy.NAME)
+
+
 def _on_even_mesh(static: Static, segments: int) -> Callable[[], Shape]:
     problem, used = static.problem, effects.asked_for(static.problem, static.gravity)
 
@@ -142,7 +178,7 @@ def _without(problem: Problem, name: str) -> Problem:
     return msgspec.structs.replace(problem, cable=replace(problem.cable, **left_out))  # type: ignore[arg-type]
 
 
-def _timed(ask: Callable[[], Shape]) -> tuple[Shape, float]:
+def _timed(ask: Callable[[], Answer]) -> tuple[Answer, float]:
     """An answer and its CPU time [s]."""
     shape, taken, begun = ask(), list[float](), time.process_time()
     while len(taken) < REPEATS and (not taken or time.process_time() - begun < LONG):

@@ -9,29 +9,25 @@ other one of its own beats in both; between them one goes along straight lines o
 whatever error the peer does best. Errors above 1 % of the length are of no use, errors below 1e-7 of no
 interest: neither counts. A peer that is not installed is left out; the reason says how to install it.
 
-Problems are in `problems.py`, references in `references.py`, how time and error are taken in `timing.py`; how each peer was set up, and
-why so, in its own file. All programs run on one thread, compiled, warm, and at rest where the motions start.
+Problems, references, how time and error are taken, and how each peer was set up and why so, stand in `shape_server/accuracy/peers`.
+All programs run on one thread, compiled, warm, and at rest where the motions start.
 """
 
 from __future__ import annotations
 
 import sys
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from types import ModuleType
 
 import numpy as np
-import ours
-import peer_cabledyn
-import peer_moorpy
-import peer_mujoco
-import peer_pyelastica
-import peer_scipy
 import pytest
-from boundary_value import Solved
-from problems import Hanging, planar_motions, spatial_motions
-from references import catenary, references
-from timing import Row, distance, follow, least_ratio, milliseconds, table, time_for
+
+from shape_server.accuracy.peers import ours, peer_cabledyn, peer_moorpy, peer_mujoco, peer_pyelastica, peer_scipy
+from shape_server.accuracy.peers.collocation import Solved
+from shape_server.accuracy.peers.installed import is_installed
+from shape_server.accuracy.peers.motions import Hanging, planar_motions, spatial_motions
+from shape_server.accuracy.peers.references import catenary, references
+from shape_server.accuracy.peers.timing import Row, distance, follow, least_ratio, milliseconds, table, time_for
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(900), pytest.mark.filterwarnings("default")]
 
@@ -63,14 +59,6 @@ def rows(program: ModuleType, sequence: str) -> tuple[Row, ...]:
         follow(program.NAME, setting, program.prepare(motions, known[0], setting), motions, known, numbers=numbers)
         for setting in program.sweep(motions)
     )
-
-
-def is_installed(peer: ModuleType) -> bool:
-    try:
-        found = tuple(int(part) for part in version(peer.DISTRIBUTION).split(".")[:2])
-    except PackageNotFoundError:
-        return False
-    return found >= peer.VERSION
 
 
 def require(peer: ModuleType) -> None:

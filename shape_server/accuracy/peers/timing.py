@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from boundary_value import Solved
-from problems import Motions
+
+from .collocation import Solved
+from .motions import Motions
 
 WARM_UP = 10  # motions that are not timed
 LAPS = 3

@@ -8,9 +8,10 @@ one pose. All four sequences take 3.5 s together; `shape_server` certified their
 from __future__ import annotations
 
 import numpy as np
-from boundary_value import Plane, Solved, Space, collocate
-from problems import LEVEL, MOTIONS, Hanging, Motions, Rod, far_frame
 from scipy.optimize import brentq
+
+from .collocation import Plane, Solved, Space, collocate
+from .motions import LEVEL, MOTIONS, Hanging, Motions, Rod, far_frame
 
 EVERY = 20  # motions
 STRIDE = 5  # motions from one coarse shape to the next

@@ -1,0 +1,29 @@
+"""Runs of one scene are compared at equal arc lengths and equal times."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "viz_client"))
+
+from synthetic import frame  # noqa: E402
+
+from scenarios.scene_study import apart  # noqa: E402
+
+
+def test_runs_are_compared_where_both_have_a_time_and_at_equal_arc_lengths() -> None:
+    exact = {0.1 * number: frame(number) for number in range(5)}
+    moved = msgspec.structs.replace(exact[0.2].shapes[0], nodes=exact[0.2].shapes[0].nodes + np.array([0.0, 0.0, 3e-3]))
+    run = {0.0: exact[0.0], 0.2: msgspec.structs.replace(exact[0.2], shapes=(moved,))}
+    assert apart(run, exact) == pytest.approx(3e-3)
+    assert apart(exact, exact) == 0.0
+
+
+def test_a_time_that_only_one_run_has_is_left_out() -> None:
+    exact = {0.1 * number: frame(number) for number in range(3)}
+    assert apart({0.05: frame(40)}, exact) == 0.0
