@@ -32,7 +32,7 @@ from .mesh import Mesh, even, stops
 from .numpy_path import frames_along
 
 LAYER: Final = 1.3  # times sqrt(EI / T), what a catenary misses beside a clamp
-PART_OF: Final = {"micro_length": "bending"}  # left out with it
+PART_OF: Final = {"micro_length": "bending", "bend_radius": "bending"}  # counted in its size
 SEGMENTS: Final = (24, 48, 96, 192, 384, 768)  # even, for Simpson's rule over pairs of them
 
 

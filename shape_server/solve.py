@@ -51,6 +51,13 @@ def solve(
     Returns:
         The shape; a hard problem gives one whose `outcome` is not converged, and whose `sentence` says why.
     """
+    if problem.effects is not None:
+        from .choice import solve_chosen
+
+        def plainly(own: Problem, pull: Vector, wanted: float, within: float | None) -> Shape:
+            return solve(own, pull, tolerance=wanted, budget=within, extrapolate=extrapolate, margin=margin, path=path, progress=progress)
+
+        return solve_chosen(problem, gravity, tolerance, budget, plainly)
     used = effects.asked_for(problem, gravity)
     begun = time.perf_counter()
     model = ladder.choose(problem, gravity, tolerance)

@@ -1,0 +1,210 @@
+"""Which effects of a cable are simulated: those whose predicted size is above a share of the tolerance, and those asked for.
+
+Each effect says in its own file what leaving it out could change (`size`), from the shape that is known: before there is one, from a
+first guess (`guess`); with a start shape, from what was simulated in that one; and, at last, from the shape that was found without it.
+What is written into the answer is the last of these. Where it is more than allowed the effect is switched on, and the shape found anew.
+
+| what is left out | may come to | because |
+| --- | --- | --- |
+| bending, with what goes with it or with no catenary | `HANGING` of the tolerance | a closed form is cheaper than a rod |
+| the others | `OTHERS` of the tolerance | a rod without them costs hardly less, a finer mesh more |
+
+What is simulated goes off where it would stay below `EASE` of that, so that nothing flickers. Gravity stays, for of two shapes that are
+alike without it, it decides for one. An effect that is left out is taken off the cable's numbers, so that nothing below knows of it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Set
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import msgspec
+
+from protocol.effects import CHOOSABLE, WITH_BENDING, Predicted
+from protocol.kinds import Model, Outcome
+from protocol.messages import Problem, Shape
+from protocol.scene import Vector
+
+from . import effects, hanging, ladder
+from .guess import guess
+from .seen import Seen, Size, seen_at_start, seen_in
+
+HANGING: Final = 0.5
+OTHERS: Final = 0.1
+EASE: Final = 0.5
+NEGLIGIBLE: Final = 1e-5  # of the length: what is left out where a budget stands in the place of the tolerance
+ROUNDS: Final = 4
+
+Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with all that is asked for; tolerance [m], budget [s] or none
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What there is to choose for one cable."""
+
+    problem: Problem
+    gravity: Vector
+    names: tuple[str, ...]  # effects that the numbers ask for and that may be left out
+    forced: dict[str, bool]
+    allowed: float  # m, tolerance, or what stands in its place
+
+    @property
+    def needed(self) -> Set[str]:
+        """Left out as asked only: what nothing is gained by, or what no closed form covers the rest of."""
+        return {"gravity", "twist"} | (set() if self.may_hang else {"bending"})
+
+    @property
+    def may_hang(self) -> bool:
+        """Whether a cable without bending would be one that a closed form covers: nothing in reach, no turns, no sections."""
+        problem = self.problem
+        if problem.contacts is not None or problem.self_contacts is not None or any(problem.turns) or problem.branch:
+            return False
+        if problem.model is not Model.AUTO or any(self.forced.get(name) for name in ("bending", *WITH_BENDING, "masses", "loads")):
+            return False
+        off = {"bending", "masses", "loads"}
+        bare, gravity = without(problem, self.gravity, off)
+        return not hanging.not_built(bare, bare.cable.mass_per_length * math.hypot(*gravity))
+
+    def begin(self) -> set[str]:
+        """Effects to leave out in the first place."""
+        start = self.problem.start
+        if start is not None and start.effects is not None:
+            kept = set(start.effects) | {name for name, on in self.forced.items() if on}
+            return self.closed({name for name in self.names if name not in kept and name not in self.needed} | self.refused)
+        seen = guess(self.problem, self.gravity) if start is None else seen_at_start(self.problem, self.gravity)
+        assert seen is not None
+        return self.least(self.sizes(seen), frozenset())
+
+    @property
+    def refused(self) -> set[str]:
+        """Left out as asked."""
+        return {name for name in self.names if self.forced.get(name) is False}
+
+    def closed(self, off: set[str]) -> set[str]:
+        """With bending goes all that goes with it; twist stays with bending."""
+        if "bending" in off:
+            return off | {name for name in self.names if name in WITH_BENDING}
+        return off - {"twist"}
+
+    def sizes(self, seen: Seen) -> dict[str, Size]:
+        """What leaving out each effect could change in a shape."""
+        return {name: effects.load(name).size(self.problem, self.gravity, seen) for name in self.names}
+
+    def least(self, sizes: dict[str, Size], on: Set[str]) -> set[str]:
+        """The effects to leave out, of those that may go; `on` are simulated, and stay on for longer."""
+        weight = {name: size.length / (EASE if name in on else 1.0) for name, size in sizes.items()}
+        off = self.refused
+        free = [name for name in self.names if name not in self.forced and name not in self.needed]
+        if "bending" in free:
+            group = {name for name in self.names if name in ("bending", *WITH_BENDING, "masses", "loads")} - off
+            if sum(weight[name] for name in group if name not in ladder.PART_OF) <= HANGING * self.allowed:
+                off |= group
+            free.remove("bending")
+        spent = 0.0
+        for name in sorted(free, key=lambda name: weight[name]):
+            spent += weight[name] if name not in off else 0.0
+            if spent > OTHERS * self.allowed:
+                break
+            off.add(name)
+        return self.closed(off)
+
+    def left_out(self, sizes: dict[str, Size], off: Set[str]) -> dict[str, float]:
+        """Predicted size [m] of each effect that is off; of those counted in bending none of their own."""
+        return {name: 0.0 if name in ladder.PART_OF and "bending" in off else sizes[name].length for name in self.names if name in off}
+
+
+def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
+    """The shape of a cable with the effects that it calls for, and what those left out could have changed."""
+    begun = time.perf_counter()
+    forced = dict(problem.effects or {})
+    bare = msgspec.structs.replace(problem, effects=None)
+    names = tuple(name for name in effects.asked_for(bare, gravity) if name in CHOOSABLE)
+    choice = Choice(bare, gravity, names, forced, tolerance if budget is None else NEGLIGIBLE * problem.cable.length)
+    off = choice.begin()
+    for attempt in range(ROUNDS):
+        shape = _solved(choice, off, tolerance, budget, plainly)
+        if shape.outcome is not Outcome.CONVERGED:
+            if off == choice.closed(choice.refused):
+                return shape
+            off = choice.closed(choice.refused)
+            continue
+        sizes = choice.sizes(seen_in(bare, gravity, shape))
+        more = off - choice.least(sizes, frozenset()) - choice.refused
+        if not more or attempt == ROUNDS - 1:
+            break
+        off = choice.closed(choice.refused) if "bending" in more else off - more
+    return _priced(choice, shape, sizes, off, time.perf_counter() - begun)
+
+
+def without(problem: Problem, gravity: Vector, off: Set[str]) -> tuple[Problem, Vector]:
+    """The problem with the numbers taken away that ask for some effects."""
+    cable, loads = problem.cable, problem.loads
+    gone: dict[str, Any] = {name: None for name in ("stretch", "micro_length", "bend_radius") if name in off}
+    if "preform" in off:
+        gone["natural_curvature"] = None
+    if "bending" in off:
+        gone |= dict.fromkeys(("bending", "bending_2", "twist", "natural_curvature", "micro_length", "bend_radius"))
+    masses = () if "masses" in off else cable.masses
+    parts: dict[str, Any] = {name: None for name in gone if name not in ("micro_length", "bend_radius")}
+    sections = tuple(replace(section, **parts) for section in cable.sections) if parts else cable.sections
+    bare = replace(cable, **gone, masses=masses, sections=sections) if gone or masses is not cable.masses else cable
+    changed = msgspec.structs.replace(problem, cable=bare, loads=None if "loads" in off else loads)
+    return changed, (0.0, 0.0, 0.0) if "gravity" in off else gravity
+
+
+def _solved(choice: Choice, off: Set[str], tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
+    """The shape without some effects, by the cheapest model that knows the others."""
+    problem, gravity = without(choice.problem, choice.gravity, off)
+    share = (HANGING if "bending" in off else OTHERS) if off - choice.refused else 0.0
+    left = (1.0 - share) * tolerance
+    if problem.model is Model.AUTO:
+        model = ladder.choose(problem, gravity, left)
+        if problem.cable.bending is not None and (model is Model.CATENARY or (model is Model.TAUT and choice.forced.get("bending"))):
+            model = Model.ROD
+        problem = msgspec.structs.replace(problem, model=model)
+    return plainly(problem, gravity, left, budget)
+
+
+def _priced(choice: Choice, shape: Shape, sizes: dict[str, Size], off: Set[str], seconds: float) -> Shape:
+    """The answer with what was left out, and what that could have changed, in its error and, where it was asked for, its sentence."""
+    left_out = choice.left_out(sizes, off)
+    on = tuple(name for name in shape.effects if name not in off)
+    going = choice.least(sizes, frozenset(on)) - off
+    predicted = tuple(
+        Predicted(
+            name=name,
+            size=sizes[name].length,
+            force=sizes[name].force,
+            curvature=sizes[name].curvature,
+            is_on=name in on,
+            why=_why(choice, name, is_on=name in on, is_going=name in going, hangs="bending" in off),
+        )
+        for name in choice.names
+    )
+    warnings = [
+        f"'{name}' was left out as asked, and may move the cable by up to {left_out[name]:.2g} m"
+        for name in sorted(choice.refused)
+        if left_out[name] > OTHERS * choice.allowed
+    ]
+    return msgspec.structs.replace(
+        shape,
+        effects=on,
+        left_out={**shape.left_out, **left_out},
+        error=None if shape.error is None else shape.error + sum(left_out.values()),
+        error_tension=None if shape.error_tension is None else shape.error_tension + sum(sizes[name].force for name in left_out),
+        error_curvature=None if shape.error_curvature is None else shape.error_curvature + sum(sizes[name].curvature for name in left_out),
+        sentence="; ".join([shape.sentence, *warnings]),
+        predicted=predicted,
+        cost=msgspec.structs.replace(shape.cost, solve=seconds - shape.cost.estimate - shape.cost.certify),
+    )
+
+
+def _why(choice: Choice, name: str, *, is_on: bool, is_going: bool, hangs: bool) -> str:
+    if name in choice.forced:
+        return "asked"
+    if not is_on:
+        return "with bending" if name in ladder.PART_OF and hangs else "below"
+    return "going" if is_going else "needed" if name in choice.needed else "above"
