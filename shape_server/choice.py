@@ -19,6 +19,8 @@ import math
 import time
 from collections.abc import Callable, Set
 from dataclasses import dataclass, replace
+from functools import cached_property
+from types import ModuleType
 from typing import Any, Final
 
 import msgspec
@@ -30,13 +32,14 @@ from protocol.scene import Vector
 
 from . import effects, hanging, ladder
 from .guess import guess
-from .seen import Seen, Size, seen_at_start, seen_in
+from .seen import Seen, Size, bending_of, seen_at_start, seen_in
 
 HANGING: Final = 0.5
 OTHERS: Final = 0.1
 EASE: Final = 0.5
 NEGLIGIBLE: Final = 1e-5  # of the length: what is left out where a budget stands in the place of the tolerance
 ROUNDS: Final = 4
+SURELY: Final = 4.0  # layers, within which what bending moves stays in most shapes; what was found is looked at in any case
 
 Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with all that is asked for; tolerance [m], budget [s] or none
 
@@ -50,13 +53,14 @@ class Choice:
     names: tuple[str, ...]  # effects that the numbers ask for and that may be left out
     forced: dict[str, bool]
     allowed: float  # m, tolerance, or what stands in its place
+    path: ModuleType
 
-    @property
+    @cached_property
     def needed(self) -> Set[str]:
         """Left out as asked only: what nothing is gained by, or what no closed form covers the rest of."""
         return {"gravity", "twist"} | (set() if self.may_hang else {"bending"})
 
-    @property
+    @cached_property
     def may_hang(self) -> bool:
         """Whether a cable without bending would be one that a closed form covers: nothing in reach, no turns, no sections."""
         problem = self.problem
@@ -68,15 +72,29 @@ class Choice:
         bare, gravity = without(problem, self.gravity, off)
         return not hanging.not_built(bare, bare.cable.mass_per_length * math.hypot(*gravity))
 
+    @property
+    def is_soft(self) -> bool:
+        """Whether bending surely does not matter: layers sqrt(2 EI / W) beside its ends, which bear half the weight W, are that short."""
+        cable = self.problem.cable
+        weight = cable.mass_per_length * cable.length * math.hypot(*self.gravity)
+        layer = math.sqrt(2.0 * bending_of(cable)[1] / max(weight, 1e-300))
+        return "bending" in self.names and self.may_hang and SURELY * layer <= HANGING * self.allowed
+
     def begin(self) -> set[str]:
         """Effects to leave out in the first place."""
         start = self.problem.start
         if start is not None and start.effects is not None:
-            kept = set(start.effects) | {name for name, on in self.forced.items() if on}
-            return self.closed({name for name in self.names if name not in kept and name not in self.needed} | self.refused)
-        seen = guess(self.problem, self.gravity) if start is None else seen_at_start(self.problem, self.gravity)
+            return self.closed({name for name in self.free if name not in start.effects} | self.refused)
+        if start is None and self.is_soft:
+            return self.closed(set(self.free) | self.refused)
+        seen = guess(self.problem, self.gravity, self.path) if start is None else seen_at_start(self.problem, self.gravity, self.path)
         assert seen is not None
         return self.least(self.sizes(seen), frozenset())
+
+    @property
+    def free(self) -> list[str]:
+        """Effects that may be left out by their size."""
+        return [name for name in self.names if name not in self.forced and name not in self.needed]
 
     @property
     def refused(self) -> set[str]:
@@ -97,7 +115,7 @@ class Choice:
         """The effects to leave out, of those that may go; `on` are simulated, and stay on for longer."""
         weight = {name: size.length / (EASE if name in on else 1.0) for name, size in sizes.items()}
         off = self.refused
-        free = [name for name in self.names if name not in self.forced and name not in self.needed]
+        free = self.free
         if "bending" in free:
             group = {name for name in self.names if name in ("bending", *WITH_BENDING, "masses", "loads")} - off
             if sum(weight[name] for name in group if name not in ladder.PART_OF) <= HANGING * self.allowed:
@@ -116,13 +134,15 @@ class Choice:
         return {name: 0.0 if name in ladder.PART_OF and "bending" in off else sizes[name].length for name in self.names if name in off}
 
 
-def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
+def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, path: ModuleType, plainly: Plainly) -> Shape:
     """The shape of a cable with the effects that it calls for, and what those left out could have changed."""
     begun = time.perf_counter()
     forced = dict(problem.effects or {})
     bare = msgspec.structs.replace(problem, effects=None)
     names = tuple(name for name in effects.asked_for(bare, gravity) if name in CHOOSABLE)
-    choice = Choice(bare, gravity, names, forced, tolerance if budget is None else NEGLIGIBLE * problem.cable.length)
+    choice = Choice(bare, gravity, names, forced, tolerance if budget is None else NEGLIGIBLE * problem.cable.length, path)
+    if not choice.free and not choice.refused:
+        return plainly(bare, gravity, tolerance, budget)
     off = choice.begin()
     for attempt in range(ROUNDS):
         shape = _solved(choice, off, tolerance, budget, plainly)
@@ -131,7 +151,7 @@ def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: fl
                 return shape
             off = choice.closed(choice.refused)
             continue
-        sizes = choice.sizes(seen_in(bare, gravity, shape))
+        sizes = choice.sizes(seen_in(bare, gravity, shape, path))
         more = off - choice.least(sizes, frozenset()) - choice.refused
         if not more or attempt == ROUNDS - 1:
             break

@@ -10,6 +10,7 @@ The shape is the curve that a cold start begins from. Its forces are those of a 
 from __future__ import annotations
 
 from itertools import pairwise
+from types import ModuleType
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,6 @@ import numpy as np
 from protocol.messages import Problem
 from protocol.scene import Vector
 
-from . import numpy_path
 from .cold import curve_frames
 from .mesh import even, stops
 from .seen import Seen, see
@@ -26,11 +26,11 @@ SEGMENTS: Final = 16
 FLAT: Final = 1e-3  # of the length, the least sag counted with
 
 
-def guess(problem: Problem, gravity: Vector) -> Seen:
+def guess(problem: Problem, gravity: Vector, path: ModuleType) -> Seen:
     """What a problem without a start shape may look like."""
     grasps, pull = problem.grasps, np.asarray(gravity)
     mesh = even(stops(problem), grasps.s, SEGMENTS)
-    frames = curve_frames(mesh, problem, pull, numpy_path)
+    frames = curve_frames(mesh, problem, pull, path)
     weights = np.outer(mesh.lengths * mesh.along(problem.cable, "mass_per_length"), pull)
     forces = np.zeros((len(grasps.s), 3))
     held = mesh.grasp_nodes
@@ -43,4 +43,4 @@ def guess(problem: Problem, gravity: Vector) -> Seen:
         along = float(np.linalg.norm(weight)) * distance / (8.0 * sag) * chord / distance
         forces[k] -= along + 0.5 * weight
         forces[k + 1] += along - 0.5 * weight
-    return see(problem, gravity, mesh.s, frames, forces, np.zeros((0, 3)))
+    return see(problem, gravity, mesh.s, frames, forces, np.zeros((0, 3)), path)

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,7 @@ from protocol.kinds import Hold, Model, Outcome
 from protocol.messages import Cost, Problem, Shape
 from protocol.scene import Vector
 
+from . import numpy_path
 from .answer import no_shape
 from .balance import balanced
 from .cold import tangent_of
@@ -139,9 +141,11 @@ def answer(problem: Problem, used: tuple[str, ...], rung: Rung, model: Model, se
     )
 
 
-def catenary_shape(problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float) -> Shape:
+def catenary_shape(
+    problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float, path: ModuleType = numpy_path
+) -> Shape:
     """Catenaries between held points."""
-    hanging = solve_hanging(problem, gravity, tolerance)
+    hanging = solve_hanging(problem, gravity, tolerance, path)
     if hanging.outcome is not Outcome.CONVERGED:
         return no_shape(problem, used, hanging.outcome, hanging.sentence, "catenary", time.perf_counter() - begun)
     wrenches = np.zeros((len(problem.grasps.s), 6))

@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -87,8 +88,8 @@ class Seen:
     @cached_property
     def shear(self) -> np.ndarray:
         """Q (n-1,) [N]."""
-        along = self.tension[:, None] * self.tangents
-        shear: np.ndarray = np.linalg.norm(self.force - along, axis=1)
+        across = np.einsum("ij,ij->i", self.force, self.force) - self.tension**2
+        shear: np.ndarray = np.sqrt(np.maximum(across, 0.0))
         return shear
 
     @cached_property
@@ -110,9 +111,12 @@ class Seen:
         return float(self.tension[span.first : span.last].min())
 
     def reach(self, cable: Cable, span: Span) -> float:
-        """How far a moment is felt [m]: sqrt(EI / T) where the span is pulled, half the span at most."""
-        least = self.least_tension(span)
-        return min(0.5 * span.length, math.sqrt(bending_of(cable)[1] / max(least, 1e-300)))
+        """How far a moment is felt [m]: sqrt(EI / T) where a span is pulled, half of it at most; of a tail, the cube root of EI / w."""
+        stiff, pull = bending_of(cable)[1], max(self.least_tension(span), 1e-300)
+        if not span.is_tail:
+            return min(0.5 * span.length, math.sqrt(stiff / pull))
+        weight = float(np.abs(self.tension[span.first : span.last]).max()) / span.length
+        return min(span.length, 1.5 * math.cbrt(stiff / max(weight, 1e-300)))
 
     def pushed(self, cable: Cable, at: float, force: float) -> float:
         """How far a force [N] across the cable at an arc length [m] moves it [m]: string and beam together."""
@@ -125,17 +129,23 @@ class Seen:
     @cached_property
     def force_most(self) -> float:
         """Largest force carried [N]."""
-        return float(np.linalg.norm(self.force, axis=1).max())
+        return float(np.sqrt(np.einsum("ij,ij->i", self.force, self.force).max()))
 
     def moved(self, cable: Cable, by: float) -> Size:
         """What goes with nodes that move by a length [m]: a sag changes its tension in proportion, a beam 192 EI / L^3 times as much."""
-        shortest = min(span.length for span in self.spans)
-        sag = min(math.sqrt(max(0.375 * span.chord * (span.length - span.chord), 0.0)) for span in self.spans)
+        shortest, sag = self._least
         share = min(by / max(sag, 0.1 * shortest, 1e-300), 1.0)
         most = bending_of(cable)[1]
         return Size(by, share * self.force_most + 192.0 * most * by / shortest**3, share * self.bend_most + 8.0 * by / shortest**2)
 
+    @cached_property
+    def _least(self) -> tuple[float, float]:
+        """Least length and least sag of a span [m]."""
+        sags = [math.sqrt(max(0.375 * span.chord * (span.length - span.chord), 0.0)) for span in self.spans]
+        return min(span.length for span in self.spans), min(sags)
 
+
+@lru_cache(maxsize=64)
 def bending_of(cable: Cable) -> tuple[float, float]:
     """Least and largest EI of a cable [N m^2], of all its sections and about both axes; zeros without bending."""
     if cable.bending is None:
@@ -145,25 +155,33 @@ def bending_of(cable: Cable) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def seen_in(problem: Problem, gravity: Vector, shape: Shape) -> Seen:
+def seen_in(problem: Problem, gravity: Vector, shape: Shape, path: ModuleType = numpy_path) -> Seen:
     """An answer to a problem."""
-    return see(problem, gravity, shape.s, shape.frames, shape.grasp_wrenches[:, :3], shape.contact_forces)
+    return see(problem, gravity, shape.s, shape.frames, shape.grasp_wrenches[:, :3], shape.contact_forces, path)
 
 
-def seen_at_start(problem: Problem, gravity: Vector) -> Seen | None:
+def seen_at_start(problem: Problem, gravity: Vector, path: ModuleType = numpy_path) -> Seen | None:
     """The shape that a problem starts from; None without one."""
     start = problem.start
     if start is None:
         return None
     pushes = np.zeros((0, 3)) if problem.contacts is None else problem.contacts.force
-    return see(problem, gravity, start.s, start.frames, start.grasp_forces, pushes)
+    return see(problem, gravity, start.s, np.array(start.frames), start.grasp_forces, pushes, path)
 
 
-def see(problem: Problem, gravity: Vector, s: np.ndarray, frames: np.ndarray, grasp_forces: np.ndarray, contact_forces: np.ndarray) -> Seen:
+def see(
+    problem: Problem,
+    gravity: Vector,
+    s: np.ndarray,
+    frames: np.ndarray,
+    grasp_forces: np.ndarray,
+    contact_forces: np.ndarray,
+    path: ModuleType,
+) -> Seen:
     """A shape by its nodes s (n,) [m], its frames (n-1, 4) and the forces on grasps (g, 3) and contacts (m, 3) [N]."""
     cable, grasps = problem.cable, problem.grasps
     mesh = from_nodes(s, cable.length, grasps.s)
-    tangents = np.ascontiguousarray(numpy_path.directors(frames)[:, 2])
+    tangents = np.ascontiguousarray(path.directors(frames)[:, 2])
     forces = mesh.shared(grasps.s, grasp_forces)
     if problem.contacts is not None and len(contact_forces):
         forces += mesh.shared(problem.contacts.s, contact_forces)
@@ -174,7 +192,7 @@ def see(problem: Problem, gravity: Vector, s: np.ndarray, frames: np.ndarray, gr
         forces += mesh.shared(problem.loads.s, problem.loads.force)
     if cable.masses:
         forces += mesh.shared(np.array([mass.at for mass in cable.masses]), np.outer([mass.mass for mass in cable.masses], gravity))
-    weight = np.outer(mesh.lengths * mesh.along(cable, "mass_per_length"), gravity)
+    weight = (mesh.lengths * mesh.along(cable, "mass_per_length"))[:, None] * np.asarray(gravity)
     carried = -(np.cumsum(forces[:-1], axis=0) + np.cumsum(weight, axis=0) - 0.5 * weight)
     return Seen(mesh, tangents, carried, _curvature(frames, mesh.lengths), _spans(problem, mesh), _clamps(problem, mesh, carried, weight))
 
@@ -183,7 +201,7 @@ def _curvature(frames: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Turns (n-2, 3) [1/m] from frame to frame, for small ones: twice the vector of conj(q_i) q_i+1."""
     first, second = frames[:-1], frames[1:]
     v, w, a, b = first[:, :3], first[:, 3:], second[:, :3], second[:, 3:]
-    turn = w * a - b * v - np.cross(v, a)
+    turn = w * a - b * v - _cross(v, a)
     sign = np.where(np.einsum("ij,ij->i", first, second) < 0.0, -2.0, 2.0)
     return np.asarray(sign[:, None] * turn / (0.5 * (lengths[:-1] + lengths[1:]))[:, None])
 
@@ -212,13 +230,19 @@ def _clamps(problem: Problem, mesh: Mesh, carried: np.ndarray, weight: np.ndarra
             sides.append((k + offset - 1, carried[node - 1] - 0.5 * weight[node - 1]))
         if node < len(mesh.s) - 1:
             sides.append((k + offset, carried[node] + 0.5 * weight[node]))
-        directions = [force / max(float(np.linalg.norm(force)), 1e-300) for _, force in sides]
-        kink = _angle(*directions) if len(sides) == 2 else 0.0
-        for (span, force), direction in zip(sides, directions, strict=True):
-            angle = _angle(direction, tangent_of(problem.grasps.quaternion[k])) if problem.grasps.hold[k] is not Hold.HINGE else 0.5 * kink
-            out.append(Clamp(span, float(np.linalg.norm(force)), angle))
+        kink = _angle(sides[0][1], sides[1][1]) if len(sides) == 2 else 0.0
+        for span, force in sides:
+            angle = _angle(force, tangent_of(problem.grasps.quaternion[k])) if problem.grasps.hold[k] is not Hold.HINGE else 0.5 * kink
+            out.append(Clamp(span, math.hypot(*force.tolist()), angle))
     return tuple(out)
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+    (a, b, c), (x, y, z) = one.tolist(), other.tolist()
+    return math.atan2(math.hypot(b * z - c * y, c * x - a * z, a * y - b * x), a * x + b * y + c * z)
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Products (n, 3); np.cross costs five times as much on arrays this short."""
+    (a, b, c), (x, y, z) = one.T, other.T
+    return np.stack((b * z - c * y, c * x - a * z, a * y - b * x), axis=1)

@@ -57,7 +57,7 @@ def solve(
         def plainly(own: Problem, pull: Vector, wanted: float, within: float | None) -> Shape:
             return solve(own, pull, tolerance=wanted, budget=within, extrapolate=extrapolate, margin=margin, path=path, progress=progress)
 
-        return solve_chosen(problem, gravity, tolerance, budget, plainly)
+        return solve_chosen(problem, gravity, tolerance, budget, path, plainly)
     used = effects.asked_for(problem, gravity)
     begun = time.perf_counter()
     model = ladder.choose(problem, gravity, tolerance)
@@ -68,7 +68,7 @@ def solve(
         sentence = f"the model '{model.value}' does not meet itself; ask for the rod, with 'bending' and 'twist'"
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
-        return ladder.catenary_shape(problem, gravity, tolerance, used, begun)
+        return ladder.catenary_shape(problem, gravity, tolerance, used, begun, path)
     if model is Model.TAUT:
         return ladder.taut_shape(problem, gravity, used, begun)
     if model is Model.GRADIENT:

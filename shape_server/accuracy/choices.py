@@ -1,6 +1,7 @@
 """Does the automatic choice of effects keep the tolerance, and what does it cost beside the best that hindsight would choose?
 
-The reference has every effect on and is solved `FINER` times as exactly; of several equilibria it is the one that it reaches from the answer.
+The reference has every effect on and is solved `FINER` times as exactly; of several equilibria it is the one that it reaches from the
+answer.
 Hindsight tries every set of effects that may be left out, by the rod and by whatever else covers what is left, and takes the cheapest whose
 true error is within the tolerance. Times are of CPU, the best of `REPEATS`, by compiled kernels.
 """
@@ -122,7 +123,7 @@ def _best(drawn: Draw, exact: Shape) -> tuple[float, str]:
     for count in range(len(leaves) + 1):
         for off in combinations(leaves, count):
             for gone in (set(off), {*off, "bending", *WITH_BENDING}):
-                problem, gravity = without(drawn.problem, drawn.gravity, gone)
+                problem, _ = without(drawn.problem, drawn.gravity, gone)
                 problem = msgspec.structs.replace(problem, effects=None)
                 seconds, shape = _timed(drawn, problem)
                 if shape.outcome is Outcome.CONVERGED and seconds < best and true_distance(shape, exact) <= drawn.tolerance:

@@ -51,7 +51,8 @@ def _grasps(rng: np.random.Generator, kind: str, length: float) -> Grasps:
     frames = Rotation.random(3, random_state=rng).as_quat() if kind != "level" else np.array([LEVEL.as_quat()] * 3)
     slope = rng.uniform(-0.8, 0.8)
     place = distance * np.array([np.cos(slope), 0.0, np.sin(slope)])
-    s, points, hold = np.array([0.0, length]), np.array([np.zeros(3), place]), (Hold.CLAMP, Hold.CLAMP)
+    s, points = np.array([0.0, length]), np.array([np.zeros(3), place])
+    hold: tuple[Hold, ...] = (Hold.CLAMP, Hold.CLAMP)
     if kind == "hinges":
         hold = ((Hold.HINGE, Hold.HINGE), (Hold.HINGE, Hold.CLAMP))[int(rng.integers(2))]
     if kind == "tail":

@@ -11,7 +11,7 @@ moment at which the limit is met. As a law it keeps the energy without jumps and
 of the balance. It bends both ways alike, about any axis of the section. Left out: crushing of the section, and that it is lasting.
 
 Its size: none where the curvature stays below 1 / r, for the law is the same there. Elsewhere the turn that is above it, integral of
-(|kappa| - 1 / r) ds, has to be made beside, and moves the cable by as much times sqrt(EI / T), or half the span where that is less.
+(|kappa| - 1 / r) ds, has to be made beside, and moves the cable by up to half the span times as much.
 """
 
 from __future__ import annotations
@@ -47,5 +47,5 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
         return Size(0.0, 0.0, 0.0)
     cells = 0.5 * (seen.mesh.lengths[1:] + seen.mesh.lengths[:-1])
     turn = float((np.maximum(MARGIN * seen.bend - allowed, 0.0) * cells).sum()) + beyond * float(seen.mesh.lengths[[0, -1]].sum())
-    moved = min(max(span.grown(turn * seen.reach(cable, span)) for span in seen.spans), cable.length)
+    moved = min(max(span.grown(0.5 * turn * span.length) for span in seen.spans), cable.length)
     return Size(moved, seen.moved(cable, moved).force, beyond)

@@ -28,7 +28,7 @@ from protocol.scene import Cable, Vector
 from ..mesh import Mesh
 from ..seen import Seen, Size, bending_of
 
-MARGIN: Final = 1.5  # times the formula
+MARGIN: Final = 1.25  # times the formula
 SHORT: Final = 0.15  # of a span; a boundary layer longer than this is none
 
 

@@ -41,7 +41,7 @@ from protocol.scene import Cable, Vector
 from ..mesh import Mesh
 from ..seen import Seen, Size, bending_of
 
-MARGIN: Final = 1.5  # times the formula
+MARGIN: Final = 0.6  # times the formula
 
 
 def smoothing(cable: Cable, mesh: Mesh) -> np.ndarray:

@@ -20,7 +20,7 @@ from protocol.scene import Cable, Vector
 from ..mesh import Mesh
 from ..seen import Seen, Size
 
-MARGIN: Final = 1.5  # times the formula
+MARGIN: Final = 1.25  # times the formula
 
 
 def give(cable: Cable, mesh: Mesh) -> np.ndarray:
