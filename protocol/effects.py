@@ -45,6 +45,9 @@ GIVEN: Final = ("contact", "friction", "bond", "inclination", "self_contact")
 WITH_BENDING: Final = ("twist", "preform", "micro_length", "bend_radius")
 """Effects of a cable that bends: without bending there are none of them."""
 
+GOING: Final = "going"
+"""Why an effect is on that the next shape may leave out: its size has fallen well below what it came on at."""
+
 EffectChoice = Annotated[
     Literal["auto"] | tuple[str, ...] | dict[str, bool],
     Wanted('give "auto", a list of names such as ["gravity", "bending", "twist"], or a table such as {stretch = true, preform = false}'),

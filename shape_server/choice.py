@@ -24,10 +24,11 @@ from types import ModuleType
 from typing import Any, Final
 
 import msgspec
+import numpy as np
 
-from protocol.effects import CHOOSABLE, WITH_BENDING, Predicted
+from protocol.effects import CHOOSABLE, GOING, WITH_BENDING, Predicted
 from protocol.kinds import Model, Outcome
-from protocol.messages import Problem, Shape
+from protocol.messages import Problem, Shape, Start
 from protocol.scene import Vector
 
 from . import effects, hanging, ladder
@@ -80,21 +81,28 @@ class Choice:
         layer = math.sqrt(2.0 * bending_of(cable)[1] / max(weight, 1e-300))
         return "bending" in self.names and self.may_hang and SURELY * layer <= HANGING * self.allowed
 
-    def begin(self) -> set[str]:
-        """Effects to leave out in the first place."""
+    def begin(self) -> tuple[set[str], float]:
+        """Effects to leave out in the first place, and what that is expected to change [m]."""
         start = self.problem.start
         if start is not None and start.effects is not None:
-            return self.closed({name for name in self.free if name not in start.effects} | self.refused)
+            return self.closed({name for name in self.free if name not in start.effects} | self.refused), 0.0
         if start is None and self.is_soft:
-            return self.closed(set(self.free) | self.refused)
+            return self.closed(set(self.free) | self.refused), HANGING * self.allowed
         seen = guess(self.problem, self.gravity, self.path) if start is None else seen_at_start(self.problem, self.gravity, self.path)
         assert seen is not None
-        return self.least(self.sizes(seen), frozenset())
+        sizes = {name: effects.load(name).size(self.problem, self.gravity, seen) for name in self.free}
+        off = self.least(sizes, frozenset(sizes) if start is None else frozenset())
+        return off, sum(size.length for name, size in sizes.items() if name in off)
 
     @property
     def free(self) -> list[str]:
         """Effects that may be left out by their size."""
         return [name for name in self.names if name not in self.forced and name not in self.needed]
+
+    def layer(self, shape: Shape) -> float:
+        """Shortest boundary layer [m] that bending could have beside a held point."""
+        most = float(np.sqrt((shape.grasp_wrenches[:, :3] ** 2).sum(axis=1).max()))
+        return min(math.sqrt(bending_of(self.problem.cable)[0] / max(most, 1e-300)), self.problem.cable.length)
 
     @property
     def refused(self) -> set[str]:
@@ -118,7 +126,7 @@ class Choice:
         free = self.free
         if "bending" in free:
             group = {name for name in self.names if name in ("bending", *WITH_BENDING, "masses", "loads")} - off
-            if sum(weight[name] for name in group if name not in ladder.PART_OF) <= HANGING * self.allowed:
+            if sum(weight.get(name, 0.0) for name in group if name not in ladder.PART_OF) <= HANGING * self.allowed:
                 off |= group
             free.remove("bending")
         spent = 0.0
@@ -143,20 +151,46 @@ def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: fl
     choice = Choice(bare, gravity, names, forced, tolerance if budget is None else NEGLIGIBLE * problem.cable.length, path)
     if not choice.free and not choice.refused:
         return plainly(bare, gravity, tolerance, budget)
-    off = choice.begin()
+    off, expected = choice.begin()
+    if choice.free == ["bending"] and not off and problem.start is not None:
+        shape = plainly(bare, gravity, tolerance, budget)
+        layer = choice.layer(shape)
+        if layer > tolerance or shape.outcome is not Outcome.CONVERGED:
+            sure = Predicted(name="bending", size=layer, force=0.0, curvature=1.0 / layer, is_on=True, why="above")
+            return msgspec.structs.replace(shape, predicted=(sure,))
+    near: Start | None = None
     for attempt in range(ROUNDS):
-        shape = _solved(choice, off, tolerance, budget, plainly)
+        shape = _solved(choice, off, expected, tolerance, budget, plainly, near)
+        if near is not None and not _is_exact(shape, expected, tolerance):
+            shape = _solved(choice, off, expected, tolerance, budget, plainly)
         if shape.outcome is not Outcome.CONVERGED:
             if off == choice.closed(choice.refused):
                 return shape
-            off = choice.closed(choice.refused)
+            off, expected, near = choice.closed(choice.refused), 0.0, None
             continue
         sizes = choice.sizes(seen_in(bare, gravity, shape, path))
         more = off - choice.least(sizes, frozenset()) - choice.refused
         if not more or attempt == ROUNDS - 1:
             break
+        near = _start_of(shape) if "bending" not in off and problem.start is None and not problem.branch else None
         off = choice.closed(choice.refused) if "bending" in more else off - more
-    return _priced(choice, shape, sizes, off, time.perf_counter() - begun)
+        expected = sum(choice.left_out(sizes, off - choice.refused).values())
+    answer = _priced(choice, shape, sizes, off, time.perf_counter() - begun)
+    if budget is None or "bending" in off or "bending" not in choice.free or answer.error is None:
+        return answer
+    hung = _hung(choice, answer.error, plainly, begun)
+    return answer if hung is None or hung.error is None or hung.error >= answer.error else hung
+
+
+def _hung(choice: Choice, error: float, plainly: Plainly, begun: float) -> Shape | None:
+    """The shape without bending, where within a budget a rod is no better than `error` [m]; None where it cannot be."""
+    off = choice.closed({"bending", *(name for name in ("masses", "loads") if name in choice.free)} | choice.refused)
+    shape = _solved(choice, off, 0.0, error, None, plainly)
+    if shape.outcome is not Outcome.CONVERGED:
+        return None
+    return _priced(
+        choice, shape, choice.sizes(seen_in(choice.problem, choice.gravity, shape, choice.path)), off, time.perf_counter() - begun
+    )
 
 
 def without(problem: Problem, gravity: Vector, off: Set[str]) -> tuple[Problem, Vector]:
@@ -175,17 +209,32 @@ def without(problem: Problem, gravity: Vector, off: Set[str]) -> tuple[Problem, 
     return changed, (0.0, 0.0, 0.0) if "gravity" in off else gravity
 
 
-def _solved(choice: Choice, off: Set[str], tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
-    """The shape without some effects, by the cheapest model that knows the others."""
+def _solved(
+    choice: Choice, off: Set[str], expected: float, tolerance: float, budget: float | None, plainly: Plainly, near: Start | None = None
+) -> Shape:
+    """The shape without some effects, by the cheapest model that knows the others, or by the rod from a shape that is `near`."""
     problem, gravity = without(choice.problem, choice.gravity, off)
-    share = (HANGING if "bending" in off else OTHERS) if off - choice.refused else 0.0
-    left = (1.0 - share) * tolerance
+    left = tolerance - min(expected, (HANGING if "bending" in off else OTHERS) * tolerance)
+    if near is not None:
+        problem = msgspec.structs.replace(problem, start=near)
     if problem.model is Model.AUTO:
-        model = ladder.choose(problem, gravity, left)
-        if problem.cable.bending is not None and (model is Model.CATENARY or (model is Model.TAUT and choice.forced.get("bending"))):
+        model = Model.CATENARY if problem.cable.bending is None else ladder.of_bending(problem, gravity, left)
+        if model is Model.AUTO or (model is Model.TAUT and choice.forced.get("bending")):
             model = Model.ROD
         problem = msgspec.structs.replace(problem, model=model)
     return plainly(problem, gravity, left, budget)
+
+
+def _is_exact(shape: Shape, expected: float, tolerance: float) -> bool:
+    """Whether a shape found from another one, on its nodes, is as good as one from the grasps alone."""
+    return shape.outcome is Outcome.CONVERGED and shape.error is not None and shape.error + expected <= tolerance
+
+
+def _start_of(shape: Shape) -> Start | None:
+    """A rod to go on from with other effects."""
+    if shape.model != Model.ROD.value:
+        return None
+    return Start(s=shape.s, frames=np.array(shape.frames), grasp_forces=np.ascontiguousarray(shape.grasp_wrenches[:, :3]))
 
 
 def _priced(choice: Choice, shape: Shape, sizes: dict[str, Size], off: Set[str], seconds: float) -> Shape:
@@ -227,4 +276,4 @@ def _why(choice: Choice, name: str, *, is_on: bool, is_going: bool, hangs: bool)
         return "asked"
     if not is_on:
         return "with bending" if name in ladder.PART_OF and hangs else "below"
-    return "going" if is_going else "needed" if name in choice.needed else "above"
+    return GOING if is_going else "needed" if name in choice.needed else "above"

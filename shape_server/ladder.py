@@ -40,11 +40,17 @@ SEGMENTS: Final = (24, 48, 96, 192, 384, 768)  # even, for Simpson's rule over p
 
 def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
     """The model to use: the one named, or the cheapest that keeps the tolerance."""
-    cable, grasps = problem.cable, problem.grasps
     if problem.model is not Model.AUTO:
         return problem.model
-    if cable.bending is None:
+    if problem.cable.bending is None:
         return Model.CATENARY
+    model = of_bending(problem, gravity, tolerance)
+    return model if model is not Model.AUTO else Model.CATENARY if _is_soft(problem, gravity, tolerance) else Model.ROD
+
+
+def of_bending(problem: Problem, gravity: Vector, tolerance: float) -> Model:
+    """The model for a cable that bends, without a look at whether that matters: then `AUTO`."""
+    cable, grasps = problem.cable, problem.grasps
     if problem.start is not None or not _is_plain(problem) or cable.stretch is not None or cable.natural_curvature is not None:
         return Model.ROD
     if any(problem.turns) or problem.branch or cable.bend_radius is not None:
@@ -56,6 +62,13 @@ def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
     chord = float(np.linalg.norm(grasps.position[1] - grasps.position[0]))
     if chord < cable.length * (1 - 1e-12) and 0.5 * math.sqrt(cable.length**2 - chord**2) <= tolerance:
         return Model.TAUT
+    return Model.AUTO
+
+
+def _is_soft(problem: Problem, gravity: Vector, tolerance: float) -> bool:
+    """Whether a catenary keeps half the tolerance."""
+    cable, grasps = problem.cable, problem.grasps
+    chord = float(np.linalg.norm(grasps.position[1] - grasps.position[0]))
     weight = cable.mass_per_length * float(np.linalg.norm(gravity))
     # The force at an end is no less than half the weight, so only a cable this soft is worth a catenary.
     if (
@@ -63,10 +76,9 @@ def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
         or LAYER * math.sqrt(2 * cable.bending / (weight * cable.length)) > 10 * tolerance
         or chord > cable.length
     ):
-        return Model.ROD
+        return False
     hanging = solve_hanging(problem, gravity, tolerance)
-    is_soft = hanging.outcome is Outcome.CONVERGED and _layer(problem, hanging.grasp_forces) <= 0.5 * tolerance
-    return Model.CATENARY if is_soft else Model.ROD
+    return hanging.outcome is Outcome.CONVERGED and _layer(problem, hanging.grasp_forces) <= 0.5 * tolerance
 
 
 def _is_plain(problem: Problem) -> bool:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
 from typing import NamedTuple
@@ -78,6 +78,7 @@ class Seen:
     curvature: np.ndarray  # (n-2, 3) 1/m, at every inner node, in the axes of the section
     spans: tuple[Span, ...]
     clamps: tuple[Clamp, ...]
+    bending: tuple[float, float]  # N m^2, least and largest EI of the cable
 
     @cached_property
     def tension(self) -> np.ndarray:
@@ -110,19 +111,19 @@ class Seen:
         """Least T of a span [N]."""
         return float(self.tension[span.first : span.last].min())
 
-    def reach(self, cable: Cable, span: Span) -> float:
+    def reach(self, span: Span) -> float:
         """How far a moment is felt [m]: sqrt(EI / T) where a span is pulled, half of it at most; of a tail, the cube root of EI / w."""
-        stiff, pull = bending_of(cable)[1], max(self.least_tension(span), 1e-300)
+        stiff, pull = self.bending[1], max(self.least_tension(span), 1e-300)
         if not span.is_tail:
             return min(0.5 * span.length, math.sqrt(stiff / pull))
         weight = float(np.abs(self.tension[span.first : span.last]).max()) / span.length
         return min(span.length, 1.5 * math.cbrt(stiff / max(weight, 1e-300)))
 
-    def pushed(self, cable: Cable, at: float, force: float) -> float:
+    def pushed(self, at: float, force: float) -> float:
         """How far a force [N] across the cable at an arc length [m] moves it [m]: string and beam together."""
         node = int(np.searchsorted(self.mesh.s, at * (1 - 1e-9)))
         span = next((span for span in self.spans if span.first <= node <= span.last), self.spans[-1])
-        pull, stiff, length = max(self.least_tension(span), 0.0), bending_of(cable)[0], span.length
+        pull, stiff, length = max(self.least_tension(span), 0.0), self.bending[0], span.length
         give = pull / length + 3.0 * stiff / length**3 if span.is_tail else 4.0 * pull / length + 48.0 * stiff / length**3
         return min(force / max(give, 1e-300), length)
 
@@ -131,11 +132,11 @@ class Seen:
         """Largest force carried [N]."""
         return float(np.sqrt(np.einsum("ij,ij->i", self.force, self.force).max()))
 
-    def moved(self, cable: Cable, by: float) -> Size:
+    def moved(self, by: float) -> Size:
         """What goes with nodes that move by a length [m]: a sag changes its tension in proportion, a beam 192 EI / L^3 times as much."""
         shortest, sag = self._least
         share = min(by / max(sag, 0.1 * shortest, 1e-300), 1.0)
-        most = bending_of(cable)[1]
+        most = self.bending[1]
         return Size(by, share * self.force_most + 192.0 * most * by / shortest**3, share * self.bend_most + 8.0 * by / shortest**2)
 
     @cached_property
@@ -145,7 +146,6 @@ class Seen:
         return min(span.length for span in self.spans), min(sags)
 
 
-@lru_cache(maxsize=64)
 def bending_of(cable: Cable) -> tuple[float, float]:
     """Least and largest EI of a cable [N m^2], of all its sections and about both axes; zeros without bending."""
     if cable.bending is None:
@@ -194,7 +194,15 @@ def see(
         forces += mesh.shared(np.array([mass.at for mass in cable.masses]), np.outer([mass.mass for mass in cable.masses], gravity))
     weight = (mesh.lengths * mesh.along(cable, "mass_per_length"))[:, None] * np.asarray(gravity)
     carried = -(np.cumsum(forces[:-1], axis=0) + np.cumsum(weight, axis=0) - 0.5 * weight)
-    return Seen(mesh, tangents, carried, _curvature(frames, mesh.lengths), _spans(problem, mesh), _clamps(problem, mesh, carried, weight))
+    return Seen(
+        mesh,
+        tangents,
+        carried,
+        _curvature(frames, mesh.lengths),
+        _spans(problem, mesh),
+        _clamps(problem, mesh, carried, weight),
+        bending_of(cable),
+    )
 
 
 def _curvature(frames: np.ndarray, lengths: np.ndarray) -> np.ndarray:

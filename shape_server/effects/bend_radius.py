@@ -48,4 +48,4 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     cells = 0.5 * (seen.mesh.lengths[1:] + seen.mesh.lengths[:-1])
     turn = float((np.maximum(MARGIN * seen.bend - allowed, 0.0) * cells).sum()) + beyond * float(seen.mesh.lengths[[0, -1]].sum())
     moved = min(max(span.grown(0.5 * turn * span.length) for span in seen.spans), cable.length)
-    return Size(moved, seen.moved(cable, moved).force, beyond)
+    return Size(moved, seen.moved(moved).force, beyond)

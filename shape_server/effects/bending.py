@@ -26,7 +26,7 @@ from protocol.messages import Problem
 from protocol.scene import Cable, Vector
 
 from ..mesh import Mesh
-from ..seen import Seen, Size, bending_of
+from ..seen import Seen, Size
 
 MARGIN: Final = 1.25  # times the formula
 SHORT: Final = 0.15  # of a span; a boundary layer longer than this is none
@@ -43,7 +43,7 @@ def stiffness(cable: Cable, mesh: Mesh) -> np.ndarray:
 def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     """What leaving bending out could change; a bound of no use (the cable's length) where layers are no longer short."""
     cable = problem.cable
-    most, micro, radius = bending_of(cable)[1], cable.micro_length or 0.0, cable.bend_radius or 0.0
+    most, micro, radius = seen.bending[1], cable.micro_length or 0.0, cable.bend_radius or 0.0
     used, aside, sharpest = np.zeros(len(seen.spans)), np.zeros(len(seen.spans)), 0.0
     for clamp in seen.clamps:
         span = seen.spans[clamp.span]
@@ -64,4 +64,4 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
         inside = float((most / pull[1:] * sharp).max(initial=0.0))
         moved = max(moved, away + MARGIN * inside + span.grown(float(length)) - float(length))
     moved = min(moved, cable.length)
-    return Size(moved, seen.moved(cable, moved).force, sharpest + seen.bend_most)
+    return Size(moved, seen.moved(moved).force, sharpest + seen.bend_most)

@@ -46,6 +46,6 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     for span in seen.spans:
         weight = float(weights[span.first : span.last].sum())
         middle = float(0.5 * (seen.mesh.s[span.first] + seen.mesh.s[span.last]))
-        moved = max(moved, min(MARGIN * seen.pushed(problem.cable, middle, 0.5 * weight), span.length))
-    felt = seen.moved(problem.cable, moved)
+        moved = max(moved, min(MARGIN * seen.pushed(middle, 0.5 * weight), span.length))
+    felt = seen.moved(moved)
     return Size(moved, felt.force + float(weights.sum()), felt.curvature)

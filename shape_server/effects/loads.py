@@ -32,6 +32,6 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     assert problem.loads is not None
     force = np.linalg.norm(problem.loads.force, axis=1)
     each = zip(problem.loads.s.tolist(), force.tolist(), strict=True)
-    moved = min(MARGIN * sum(seen.pushed(problem.cable, at, load) for at, load in each), problem.cable.length)
-    felt = seen.moved(problem.cable, moved)
+    moved = min(MARGIN * sum(seen.pushed(at, load) for at, load in each), problem.cable.length)
+    felt = seen.moved(moved)
     return Size(moved, felt.force + float(force.sum()), felt.curvature)

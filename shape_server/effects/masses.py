@@ -32,6 +32,6 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     """What leaving the lumped masses out could change."""
     pull = math.hypot(*gravity)
     weights = [(mass.at, mass.mass * pull) for mass in problem.cable.masses]
-    moved = min(MARGIN * sum(seen.pushed(problem.cable, at, weight) for at, weight in weights), problem.cable.length)
-    felt = seen.moved(problem.cable, moved)
+    moved = min(MARGIN * sum(seen.pushed(at, weight) for at, weight in weights), problem.cable.length)
+    felt = seen.moved(moved)
     return Size(moved, felt.force + sum(weight for _, weight in weights), felt.curvature)

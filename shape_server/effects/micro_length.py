@@ -39,7 +39,7 @@ from protocol.messages import Problem
 from protocol.scene import Cable, Vector
 
 from ..mesh import Mesh
-from ..seen import Seen, Size, bending_of
+from ..seen import Seen, Size
 
 MARGIN: Final = 0.6  # times the formula
 
@@ -56,13 +56,11 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     """What leaving the micro-structure length out could change."""
     cable = problem.cable
     assert cable.micro_length is not None
-    square, softest, most = cable.micro_length**2, bending_of(cable)[0], 0.0
+    square, softest, most = cable.micro_length**2, seen.bending[0], 0.0
     for span in seen.spans:
         own = slice(span.first, span.last)
         kink = square * float(seen.shear[own].max()) / softest
         sharp = square * float(seen.bend[max(span.first - 1, 0) : span.last].max(initial=0.0))
-        most = max(most, span.grown(MARGIN * (kink * seen.reach(cable, span) + sharp)))
+        most = max(most, span.grown(MARGIN * (kink * seen.reach(span) + sharp)))
     most = min(most, cable.length)
-    return Size(
-        most, seen.moved(cable, most).force, cable.micro_length * float(seen.shear.max()) / softest + seen.moved(cable, most).curvature
-    )
+    return Size(most, seen.moved(most).force, cable.micro_length * float(seen.shear.max()) / softest + seen.moved(most).curvature)

@@ -18,7 +18,7 @@ from protocol.messages import Problem
 from protocol.scene import Cable, Section, Vector
 
 from ..mesh import Mesh
-from ..seen import Seen, Size, bending_of
+from ..seen import Seen, Size
 
 MARGIN: Final = 1.5  # times the formula
 
@@ -31,12 +31,12 @@ def natural(cable: Cable, mesh: Mesh) -> np.ndarray:
 def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     """What leaving the preform out could change."""
     cable = problem.cable
-    softest, most = bending_of(cable)
+    softest, most = seen.bending
     parts: list[Cable | Section] = [cable, *cable.sections]
     given = [part.natural_curvature for part in parts if part.natural_curvature is not None]
     bent = max(math.hypot(x, y) for x, y, _ in given)
     wound = max(abs(z) for _, _, z in given) * (0.0 if cable.twist is None else cable.twist / softest)
-    moved = max(span.grown(MARGIN * (bent + wound) * (most / softest) * 0.5 * seen.reach(cable, span) ** 2) for span in seen.spans)
+    moved = max(span.grown(MARGIN * (bent + wound) * (most / softest) * 0.5 * seen.reach(span) ** 2) for span in seen.spans)
     moved = min(moved, cable.length)
-    felt = seen.moved(cable, moved)
+    felt = seen.moved(moved)
     return Size(moved, felt.force, felt.curvature + bent)

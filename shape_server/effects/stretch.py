@@ -37,5 +37,5 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
         more = MARGIN * float(longer[span.first : span.last].sum())
         most = max(most, span.grown(more))
         eased = max(eased, 1.0 - math.sqrt(max(span.length - span.chord, 0.0) / max(span.length - span.chord + more, 1e-300)))
-    moved = seen.moved(cable, most)
+    moved = seen.moved(most)
     return Size(most, eased * seen.force_most + (0.0 if most == 0.0 else moved.force), moved.curvature)

@@ -17,7 +17,7 @@ from protocol.messages import Problem
 from protocol.scene import Cable, Vector
 
 from ..mesh import Mesh
-from ..seen import Seen, Size, bending_of
+from ..seen import Seen, Size
 
 
 def stiffness(cable: Cable, mesh: Mesh) -> np.ndarray:
@@ -35,9 +35,9 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     for span in seen.spans:
         rate = math.pi / span.length + abs(0.0 if cable.natural_curvature is None else cable.natural_curvature[2])
         torque = max(cable.twist, *(section.twist or 0.0 for section in cable.sections), 0.0) * rate
-        reach = seen.reach(cable, span)
+        reach = seen.reach(span)
         sharp = float(seen.bend[max(span.first - 1, 0) : span.last].max(initial=0.0))
-        ratio = min(torque * reach / max(bending_of(cable)[0], 1e-300), 1.0)
+        ratio = min(torque * reach / max(seen.bending[0], 1e-300), 1.0)
         least = max(least, span.grown(ratio * sharp * reach**2))
         most = max(most, ratio * seen.force_most)
-    return Size(min(least, cable.length), most, seen.moved(cable, least).curvature)
+    return Size(min(least, cable.length), most, seen.moved(least).curvature)
