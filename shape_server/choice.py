@@ -91,7 +91,9 @@ class Choice:
         seen = guess(self.problem, self.gravity, self.path) if start is None else seen_at_start(self.problem, self.gravity, self.path)
         assert seen is not None
         sizes = {name: effects.load(name).size(self.problem, self.gravity, seen) for name in self.free}
-        off = self.least(sizes, frozenset(sizes) if start is None else frozenset())
+        # A guess may be wrong: a catenary tried in vain costs little, a rod solved twice much.
+        doubted = frozenset(sizes) - {"bending", *WITH_BENDING, "masses", "loads"} if start is None else frozenset()
+        off = self.least(sizes, doubted)
         return off, sum(size.length for name, size in sizes.items() if name in off)
 
     @property
@@ -139,7 +141,9 @@ class Choice:
 
     def left_out(self, sizes: dict[str, Size], off: Set[str]) -> dict[str, float]:
         """Predicted size [m] of each effect that is off; of those counted in bending none of their own."""
-        return {name: 0.0 if name in ladder.PART_OF and "bending" in off else sizes[name].length for name in self.names if name in off}
+        return {
+            name: 0.0 if name in ladder.PART_OF and "bending" in off else float(sizes[name].length) for name in self.names if name in off
+        }
 
 
 def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, path: ModuleType, plainly: Plainly) -> Shape:
@@ -150,7 +154,7 @@ def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: fl
     names = tuple(name for name in effects.asked_for(bare, gravity) if name in CHOOSABLE)
     choice = Choice(bare, gravity, names, forced, tolerance if budget is None else NEGLIGIBLE * problem.cable.length, path)
     if not choice.free and not choice.refused:
-        return plainly(bare, gravity, tolerance, budget)
+        return _solved(choice, frozenset(), 0.0, tolerance, budget, plainly)
     off, expected = choice.begin()
     if choice.free == ["bending"] and not off and problem.start is not None:
         shape = plainly(bare, gravity, tolerance, budget)
@@ -245,9 +249,9 @@ def _priced(choice: Choice, shape: Shape, sizes: dict[str, Size], off: Set[str],
     predicted = tuple(
         Predicted(
             name=name,
-            size=sizes[name].length,
-            force=sizes[name].force,
-            curvature=sizes[name].curvature,
+            size=float(sizes[name].length),
+            force=float(sizes[name].force),
+            curvature=float(sizes[name].curvature),
             is_on=name in on,
             why=_why(choice, name, is_on=name in on, is_going=name in going, hangs="bending" in off),
         )
@@ -263,8 +267,10 @@ def _priced(choice: Choice, shape: Shape, sizes: dict[str, Size], off: Set[str],
         effects=on,
         left_out={**shape.left_out, **left_out},
         error=None if shape.error is None else shape.error + sum(left_out.values()),
-        error_tension=None if shape.error_tension is None else shape.error_tension + sum(sizes[name].force for name in left_out),
-        error_curvature=None if shape.error_curvature is None else shape.error_curvature + sum(sizes[name].curvature for name in left_out),
+        error_tension=None if shape.error_tension is None else float(shape.error_tension + sum(sizes[name].force for name in left_out)),
+        error_curvature=None
+        if shape.error_curvature is None
+        else float(shape.error_curvature + sum(sizes[name].curvature for name in left_out)),
         sentence="; ".join([shape.sentence, *warnings]),
         predicted=predicted,
         cost=msgspec.structs.replace(shape.cost, solve=seconds - shape.cost.estimate - shape.cost.certify),

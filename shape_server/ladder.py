@@ -70,6 +70,7 @@ def _is_soft(problem: Problem, gravity: Vector, tolerance: float) -> bool:
     cable, grasps = problem.cable, problem.grasps
     chord = float(np.linalg.norm(grasps.position[1] - grasps.position[0]))
     weight = cable.mass_per_length * float(np.linalg.norm(gravity))
+    assert cable.bending is not None
     # The force at an end is no less than half the weight, so only a cable this soft is worth a catenary.
     if (
         not_built(problem, weight)
