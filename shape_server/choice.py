@@ -40,6 +40,7 @@ OTHERS: Final = 0.1
 EASE: Final = 0.5
 NEGLIGIBLE: Final = 1e-5  # of the length: what is left out where a budget stands in the place of the tolerance
 ROUNDS: Final = 4
+SAME_NODES: Final = frozenset(("stretch", "preform"))  # effects that need no other nodes where they are switched on
 SURELY: Final = 4.0  # layers, within which what bending moves stays in most shapes; what was found is looked at in any case
 
 Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with all that is asked for; tolerance [m], budget [s] or none
@@ -176,7 +177,8 @@ def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: fl
         more = off - choice.least(sizes, frozenset()) - choice.refused
         if not more or attempt == ROUNDS - 1:
             break
-        near = _start_of(shape) if "bending" not in off and problem.start is None and not problem.branch else None
+        may_start = more <= SAME_NODES and problem.start is None and not problem.branch
+        near = _start_of(shape) if may_start else None
         off = choice.closed(choice.refused) if "bending" in more else off - more
         expected = sum(choice.left_out(sizes, off - choice.refused).values())
     answer = _priced(choice, shape, sizes, off, time.perf_counter() - begun)

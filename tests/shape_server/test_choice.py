@@ -77,7 +77,7 @@ def test_an_effect_that_is_forced_off_though_it_matters_gives_a_warning_with_its
     assert shape.left_out["stretch"] > 1e-3
     assert shape.error is not None
     assert shape.error > shape.left_out["stretch"]
-    assert "'stretch' was left out as asked, and may move the cable by up to 0.01" in shape.sentence
+    assert "'stretch' was left out as asked, and may move the cable by up to 0.0084 m" in shape.sentence
 
 
 def test_an_effect_that_is_forced_on_is_on_however_small() -> None:
