@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from protocol.effects import GOING
 from protocol.kinds import Outcome
 from protocol.messages import Contacts, Grasps, SelfContacts, Shape, Start
 
@@ -35,7 +36,10 @@ def start_of(was: Hanging | None) -> Start | None:
     """What the shape server is to start from; None for a cold start."""
     if was is None:
         return None
-    return Start(s=was.shape.s, frames=was.shape.frames, grasp_forces=was.shape.grasp_wrenches[:, :3])
+    shape = was.shape
+    going = {one.name for one in shape.predicted if one.why == GOING}
+    kept = tuple(name for name in shape.effects if name not in going)
+    return Start(s=shape.s, frames=shape.frames, grasp_forces=shape.grasp_wrenches[:, :3], effects=kept)
 
 
 def meetings(was: Hanging | None) -> SelfContacts | None:

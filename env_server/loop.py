@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 
+from protocol.effects import table_of
 from protocol.kinds import Outcome
 from protocol.messages import Grasps, Problem, Shape, ShapeRequest
 
@@ -55,6 +56,7 @@ class Loop:
         self._stage = stage
         self._asker = asker
         self._session = session
+        self._effects = table_of(stage.scene.effects)
         self._meter = Meter()
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
@@ -196,7 +198,8 @@ class Loop:
             contacts = None
             if was is not None:
                 contacts = was.boundary.contacts(joined(was, count, self._reach), was.shape.s, goal.surfaces, goal.time)
-            problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start_of(was), self_contacts=meetings(was)))
+            start, own = start_of(was), meetings(was)
+            problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start, self_contacts=own, effects=self._effects))
         self._meter.search += time.perf_counter() - begun
         return tuple(problems)
 

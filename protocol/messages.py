@@ -15,6 +15,7 @@ from .checks import GRASPS_MAX as GRASPS_MAX
 from .checks import HUGE as HUGE
 from .checks import NODES_MAX as NODES_MAX
 from .checks import check_count, check_floats, check_integers, check_quaternions
+from .effects import Predicted as Predicted
 from .errors import MessageError
 from .parts import Contacts as Contacts
 from .parts import Cost as Cost

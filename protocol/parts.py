@@ -19,6 +19,7 @@ from .checks import (
     check_quaternions,
     check_units,
 )
+from .effects import CHOOSABLE, Predicted, check_effects
 from .errors import MessageError
 from .kinds import FRICTION_CODES, INCLINATION_CODES, RUBS, Feature, Hold, Model, Outcome, SelfTouch
 from .part import Part as Part
@@ -145,6 +146,7 @@ class Start(Part, frozen=True):
     frames: np.ndarray  # (n-1, 4) quaternion of every segment
     grasp_forces: np.ndarray  # (g, 3) N, on the cable
     margin: float | None = None  # N, stability margin of that shape; with it a fold is announced before it is reached
+    effects: tuple[str, ...] | None = None  # simulated in that shape: those that were on go off later than they come on
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
@@ -169,10 +171,12 @@ class Problem(Part, frozen=True):
     turns: tuple[int, ...] = ()  # whole turns more than the least, from each clamp to the next; none unless given
     self_contacts: SelfContacts | None = None
     branch: int = 0  # on a cold start, 0: the shape found first; k: the k-th by energy of all stable shapes found, from 1
+    effects: dict[str, bool] | None = None  # None: all that the numbers ask for; else by their size, but for those forced on or off here
 
     def __post_init__(self) -> None:
         """Check the cable, and what goes together."""
         check_cable(self.cable)
+        check_effects(self.effects or {})
         length, s = self.cable.length, self.grasps.s
         if not len(s) or s[0] < 0 or s[-1] > length:
             raise MessageError(f"grasps.s: must have an entry or more, all from 0 to the cable's length, {length:g} m", key="grasps.s")
@@ -233,7 +237,7 @@ class Shape(Part, frozen=True):
     sentence: str  # how it ended
     model: str  # "taut", "catenary", "gradient" or "rod"
     effects: tuple[str, ...]  # simulated
-    left_out: dict[str, float]  # m, predicted size of the effects that the model leaves out though the cable has them
+    left_out: dict[str, float]  # m, predicted size of the effects that are left out though the cable has them
     error: float | None  # m, estimated error of the node positions; None where the outcome is no shape
     error_tension: float | None  # N
     error_curvature: float | None  # 1/m
@@ -247,6 +251,7 @@ class Shape(Part, frozen=True):
     cost: Cost
     rubbed: Rubbed | None = None  # of the contacts that rub
     self_reactions: SelfReactions | None = None  # none without self-contacts in the request
+    predicted: tuple[Predicted, ...] = ()  # of the effects that there was a choice about; none where none was asked for
 
     def __post_init__(self) -> None:
         """Check shapes and ranges; an outcome without a shape has empty arrays."""
@@ -265,3 +270,4 @@ class Shape(Part, frozen=True):
         ):
             check_floats(f"shape.{name}", getattr(self, name), shape, most)
         check_quaternions("shape.frames", self.frames, segments)
+        check_count("shape.predicted", len(self.predicted), len(CHOOSABLE))

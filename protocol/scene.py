@@ -23,6 +23,7 @@ from .cable import Section as Section
 from .cable import Unit as Unit
 from .cable import Vector as Vector
 from .cable import cable_mistakes, reaches_any_distance
+from .effects import EffectChoice, effects_mistakes
 from .errors import SceneError
 from .friction import COEFFICIENT_MAX, friction_mistakes
 from .kinds import Friction, Hold, Inclination, Primitive
@@ -155,6 +156,7 @@ class Scene:
     time_step: Annotated[Positive, Le(10), Unit("s")] = 0.02
     tolerance: Annotated[Positive, Unit("m")] = 1e-3  # asked of every predicted shape
     relaxation: Relaxation | None = None  # the next shape is shown at once without it
+    effects: EffectChoice = "auto"
 
 
 def check_scene(scene: Scene) -> None:
@@ -178,17 +180,17 @@ def check_scene(scene: Scene) -> None:
         _check_gripper(f"grippers[{index}]", gripper, cables, scene.robot)
     for index, body in enumerate(scene.bodies):
         _check_quaternion(f"bodies[{index}].quaternion", body.quaternion)
-        sentence = body_mistake(body)
-        if sentence:
+        if sentence := body_mistake(body):
             raise SceneError(f"bodies[{index}]: {sentence}", key=f"bodies[{index}]")
         for name, sentence in friction_mistakes(body):
             raise SceneError(f"bodies[{index}].{sentence}", key=f"bodies[{index}].{name}")
-        sentence = inclination_mistake(body, scene.cables)
-        if sentence:
+        if sentence := inclination_mistake(body, scene.cables):
             raise SceneError(f"bodies[{index}].inclination: {sentence}", key=f"bodies[{index}].inclination")
     for index, move in enumerate(scene.moves):
         for place, target in enumerate(move.targets):
             _check_target(f"moves[{index}].targets[{place}]", target, grippers, scene.bodies)
+    for key, sentence in effects_mistakes(scene.effects, scene.cables):
+        raise SceneError(sentence, key=key)
     _check_steps(scene)
     for index, picture in enumerate(scene.pictures):
         if picture.after != "start":
@@ -223,8 +225,7 @@ def _check_gripper(key: str, gripper: Gripper, cables: dict[str, Cable], robot: 
 
 def _check_target(key: str, target: Target, grippers: dict[str, Gripper], of_scene: tuple[Body, ...]) -> None:
     bodies = [body.name for body in of_scene]
-    sentence = target_mistake(target)
-    if sentence:
+    if sentence := target_mistake(target):
         raise SceneError(f"{key}: {sentence}", key=key)
     if target.gripper is not None:
         _known(f"{key}.gripper", target.gripper, list(grippers))

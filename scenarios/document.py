@@ -15,6 +15,7 @@ from enum import Enum
 from pathlib import Path as FilePath
 from typing import Any, Final, TypeVar, get_args, get_origin
 
+from protocol.effects import Wanted
 from protocol.errors import SceneError
 
 from .lines import Path, lines_of, nearest_line, written
@@ -122,6 +123,9 @@ def _without_misspelt(mistakes: list[Mistake]) -> list[Mistake]:
 def _mistake(error: Any, kind: Any) -> Mistake:
     """One error of pydantic in our words."""
     path: Path = tuple(error["loc"])
+    for size in range(1, len(path) + 1):
+        for wanted in (note for note in getattr(_hint_at(kind, path[:size]), "__metadata__", ()) if isinstance(note, Wanted)):
+            return Mistake(path[:size], f"{_shown(error['input'])} is not right here; {wanted.sentence}")
     hint, given, sort = _hint_at(kind, path), error["input"], error["type"]
     limit = error.get("ctx", {})
     unit = f" {unit_of(hint)}" if unit_of(hint) else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import ModuleType
 
 import numpy as np
 
@@ -12,10 +13,10 @@ from protocol.kinds import Hold, Outcome
 from protocol.messages import Problem
 from protocol.scene import Vector
 
+from . import numpy_path
 from .catenary import Piece, hang, hang_elastic
 from .clock import Clock
 from .mesh import Mesh, even, from_nodes, stops
-from .numpy_path import frames_along
 
 SEGMENTS = (25, 50, 100, 200, 400)
 STEEPER = 1.02  # times the curvature at its ends, inside a segment: 0.2 % more deviation were seen in 24 random catenaries
@@ -39,7 +40,9 @@ class Hanging:
     sag: float  # m, largest distance of a straight segment from its catenary
 
 
-def solve_hanging(problem: Problem, gravity: Vector, tolerance: float, clock: Clock | None = None) -> Hanging:
+def solve_hanging(
+    problem: Problem, gravity: Vector, tolerance: float, clock: Clock | None = None, path: ModuleType = numpy_path
+) -> Hanging:
     """The catenaries of a cable without bending; what touches it is the matter of `touching`.
 
     With a clock on the finest mesh that fits into its budget, whatever the tolerance.
@@ -66,11 +69,11 @@ def solve_hanging(problem: Problem, gravity: Vector, tolerance: float, clock: Cl
             return nothing(problem, Outcome.UNREACHABLE, sentence)
     if problem.start is not None:
         mesh = from_nodes(np.array(problem.start.s), problem.cable.length, grasps.s)
-        return pieces_of(problem, load, mesh, grasps.s, grasps.position)
+        return pieces_of(problem, load, mesh, grasps.s, grasps.position, path)
     for segments in SEGMENTS:
         if clock is not None:
             clock.begin()
-        hanging = pieces_of(problem, load, even(stops(problem), grasps.s, segments), grasps.s, grasps.position)
+        hanging = pieces_of(problem, load, even(stops(problem), grasps.s, segments), grasps.s, grasps.position, path)
         if clock is not None:
             clock.level(segments)
             if segments == SEGMENTS[-1] or not clock.fits(2 * segments):
@@ -98,7 +101,7 @@ def too_coarse(sag: float, tolerance: float) -> str:
     return f"closed form; a straight segment is {sag:.2g} m from the curve, above the tolerance of {tolerance:.2g} m"
 
 
-def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, points: np.ndarray) -> Hanging:
+def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, points: np.ndarray, path: ModuleType = numpy_path) -> Hanging:
     """Catenaries through points (k, 3) [m] at arc lengths s (k,) [m]: the grasps, then what else holds the cable.
 
     Forces of what comes after the grasps are the first rows of `contact_forces`.
@@ -134,7 +137,7 @@ def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, poi
         sentence="closed form",
         mesh=mesh,
         nodes=nodes,
-        frames=frames_along(tangents, problem.grasps.quaternion[0], int(mesh.grasp_nodes[0])),
+        frames=path.frames_along(tangents, np.array(problem.grasps.quaternion[0]), int(mesh.grasp_nodes[0])),
         tension=0.5 * (tension[:-1] + tension[1:]),
         curvature=curvature,
         grasp_forces=forces[:grasp_count],

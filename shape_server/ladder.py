@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,7 @@ from protocol.kinds import Hold, Model, Outcome
 from protocol.messages import Cost, Problem, Shape
 from protocol.scene import Vector
 
+from . import numpy_path
 from .answer import no_shape
 from .balance import balanced
 from .clock import Clock
@@ -33,17 +35,23 @@ from .mesh import Mesh, even, stops
 from .numpy_path import frames_along
 
 LAYER: Final = 1.3  # times sqrt(EI / T), what a catenary misses beside a clamp
-PART_OF: Final = {"micro_length": "bending"}  # left out with it
+PART_OF: Final = {"micro_length": "bending", "bend_radius": "bending"}  # counted in its size
 SEGMENTS: Final = (24, 48, 96, 192, 384, 768)  # even, for Simpson's rule over pairs of them
 
 
 def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
     """The model to use: the one named, or the cheapest that keeps the tolerance."""
-    cable, grasps = problem.cable, problem.grasps
     if problem.model is not Model.AUTO:
         return problem.model
-    if cable.bending is None:
+    if problem.cable.bending is None:
         return Model.CATENARY
+    model = of_bending(problem, gravity, tolerance)
+    return model if model is not Model.AUTO else Model.CATENARY if _is_soft(problem, gravity, tolerance) else Model.ROD
+
+
+def of_bending(problem: Problem, gravity: Vector, tolerance: float) -> Model:
+    """The model for a cable that bends, without a look at whether that matters: then `AUTO`."""
+    cable, grasps = problem.cable, problem.grasps
     if problem.start is not None or not _is_plain(problem) or cable.stretch is not None or cable.natural_curvature is not None:
         return Model.ROD
     if any(problem.turns) or problem.branch or cable.bend_radius is not None:
@@ -55,17 +63,24 @@ def choose(problem: Problem, gravity: Vector, tolerance: float) -> Model:
     chord = float(np.linalg.norm(grasps.position[1] - grasps.position[0]))
     if chord < cable.length * (1 - 1e-12) and 0.5 * math.sqrt(cable.length**2 - chord**2) <= tolerance:
         return Model.TAUT
+    return Model.AUTO
+
+
+def _is_soft(problem: Problem, gravity: Vector, tolerance: float) -> bool:
+    """Whether a catenary keeps half the tolerance."""
+    cable, grasps = problem.cable, problem.grasps
+    chord = float(np.linalg.norm(grasps.position[1] - grasps.position[0]))
     weight = cable.mass_per_length * float(np.linalg.norm(gravity))
+    assert cable.bending is not None
     # The force at an end is no less than half the weight, so only a cable this soft is worth a catenary.
     if (
         not_built(problem, weight)
         or LAYER * math.sqrt(2 * cable.bending / (weight * cable.length)) > 10 * tolerance
         or chord > cable.length
     ):
-        return Model.ROD
+        return False
     hanging = solve_hanging(problem, gravity, tolerance)
-    is_soft = hanging.outcome is Outcome.CONVERGED and _layer(problem, hanging.grasp_forces) <= 0.5 * tolerance
-    return Model.CATENARY if is_soft else Model.ROD
+    return hanging.outcome is Outcome.CONVERGED and _layer(problem, hanging.grasp_forces) <= 0.5 * tolerance
 
 
 def _is_plain(problem: Problem) -> bool:
@@ -141,10 +156,16 @@ def answer(problem: Problem, used: tuple[str, ...], rung: Rung, model: Model, se
 
 
 def catenary_shape(
-    problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float, clock: Clock | None = None
+    problem: Problem,
+    gravity: Vector,
+    tolerance: float,
+    used: tuple[str, ...],
+    begun: float,
+    clock: Clock | None = None,
+    path: ModuleType = numpy_path,
 ) -> Shape:
     """Catenaries between held points, by the tolerance or by the clock."""
-    hanging = solve_hanging(problem, gravity, tolerance, clock)
+    hanging = solve_hanging(problem, gravity, tolerance, clock, path)
     if hanging.outcome is not Outcome.CONVERGED:
         return no_shape(problem, used, hanging.outcome, hanging.sentence, "catenary", time.perf_counter() - begun)
     wrenches = np.zeros((len(problem.grasps.s), 6))

@@ -52,6 +52,13 @@ def solve(
     Returns:
         The shape; a hard problem gives one whose `outcome` is not converged, and whose `sentence` says why.
     """
+    if problem.effects is not None:
+        from .choice import solve_chosen
+
+        def plainly(own: Problem, pull: Vector, wanted: float, within: float | None) -> Shape:
+            return solve(own, pull, tolerance=wanted, budget=within, extrapolate=extrapolate, margin=margin, path=path, progress=progress)
+
+        return solve_chosen(problem, gravity, tolerance, budget, path, plainly)
     begun = time.perf_counter()
     clock = None if budget is None else Clock(budget, progress)
     used = effects.asked_for(problem, gravity)
@@ -63,7 +70,7 @@ def solve(
         sentence = f"the model '{model.value}' does not meet itself; ask for the rod, with 'bending' and 'twist'"
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
-        return ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock)
+        return ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path)
     if model is Model.TAUT:
         return ladder.taut_shape(problem, gravity, used, begun)
     if model is Model.GRADIENT:

@@ -23,15 +23,25 @@ Struct. 40, 385-400, for the energy and the boundary terms of a straight beam; h
 "Nonlinear Problems of Elasticity", ch. 8). Left out: gradients of twist and stretch, and a length of its own for each axis. Against
 a cable without l a clamp's layer g = sqrt(EI / T) widens to (g + l) / sqrt(1 + 2 l / g), and the shape moves by this change times the
 sine of the angle in which the clamp holds the cable: 0.4 mm for l = 10 mm, g = 0.1 m, at a right angle.
+
+Its size: D = 0 at a clamp lets the curvature differ by l kappa' in a layer of length l, which turns the cable by l^2 kappa', with
+kappa' = Q / EI, Q the force across the cable; this reaches g, or half the span where that is less. Elsewhere e differs by l^2 kappa'',
+which moves the cable by l^2 kappa. For l << g this is what the widened layer above says.
 """
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
-from protocol.scene import Cable
+from protocol.messages import Problem
+from protocol.scene import Cable, Vector
 
 from ..mesh import Mesh
+from ..seen import Seen, Size
+
+MARGIN: Final = 0.6  # times the formula
 
 
 def smoothing(cable: Cable, mesh: Mesh) -> np.ndarray:
@@ -40,3 +50,17 @@ def smoothing(cable: Cable, mesh: Mesh) -> np.ndarray:
     first = mesh.along(cable, "bending")
     second = first if cable.bending_2 is None else mesh.along(cable, "bending_2")
     return np.asarray(cable.micro_length**2 * np.column_stack([first, second]) / mesh.lengths[:, None])
+
+
+def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
+    """What leaving the micro-structure length out could change."""
+    cable = problem.cable
+    assert cable.micro_length is not None
+    square, softest, most = cable.micro_length**2, seen.bending[0], 0.0
+    for span in seen.spans:
+        own = slice(span.first, span.last)
+        kink = square * float(seen.shear[own].max()) / softest
+        sharp = square * float(seen.bend[max(span.first - 1, 0) : span.last].max(initial=0.0))
+        most = max(most, span.grown(MARGIN * (kink * seen.reach(span) + sharp)))
+    most = min(most, cable.length)
+    return Size(most, seen.moved(most).force, cable.micro_length * float(seen.shear.max()) / softest + seen.moved(most).curvature)

@@ -25,6 +25,7 @@ from protocol.messages import (
     Hello,
     Pause,
     PointLoads,
+    Predicted,
     Problem,
     Resume,
     Rubbed,
@@ -116,7 +117,7 @@ def rubbing() -> Rubbing:
 
 
 def start() -> Start:
-    return Start(s=np.linspace(0.0, 1.2, 4), frames=quaternions(3), grasp_forces=np.ones((2, 3)), margin=0.4)
+    return Start(s=np.linspace(0.0, 1.2, 4), frames=quaternions(3), grasp_forces=np.ones((2, 3)), margin=0.4, effects=("gravity",))
 
 
 def shape() -> Shape:
@@ -148,6 +149,7 @@ def shape() -> Shape:
         self_reactions=SelfReactions(s=np.array([[0.3, 0.9]]), force=np.array([[0.0, 0, 2]]), gap=np.zeros(1)),
         cost=Cost(solve=1e-3, estimate=1e-4, certify=1e-5, factorisations=4, path="numba"),
         rubbed=Rubbed(s=np.array([0.9]), anchor=np.full((1, 3), 0.5), is_sticking=np.array([1])),
+        predicted=(Predicted(name="stretch", size=1e-6, force=1e-3, curvature=1e-2, is_on=False, why="below"),),
     )
 
 
@@ -164,6 +166,7 @@ def scene() -> Scene:
         ),
         robot=Robot(arms=(Arm(name="left", tip="hand", hand=("finger",)),)),
         pictures=(Picture(name="1", after="down"),),
+        effects={"gravity": True},
     )
 
 
@@ -196,7 +199,15 @@ def frame() -> Frame:
 
 def request() -> ShapeRequest:
     loads = PointLoads(s=np.array([0.6]), force=np.ones((1, 3)))
-    problem = Problem(cable=CABLE, grasps=grasps(), contacts=contacts(), self_contacts=self_contacts(), start=start(), loads=loads)
+    problem = Problem(
+        cable=CABLE,
+        grasps=grasps(),
+        contacts=contacts(),
+        self_contacts=self_contacts(),
+        start=start(),
+        loads=loads,
+        effects={"stretch": True},
+    )
     return ShapeRequest(session="session", step=7, round=1, gravity=(0.0, 0.0, -9.81), tolerance=1e-3, problems=(problem,))
 
 

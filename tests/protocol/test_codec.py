@@ -149,7 +149,12 @@ def test_columns_of_different_length_are_refused(names: tuple[str, str], sizes: 
 @pytest.mark.parametrize("plain", PLAIN, ids=NAMES)
 def test_an_unknown_field_is_refused_at_every_level(plain: Any) -> None:
     for path, value in places(plain):
-        if isinstance(value, dict) and path != ("versions",) and not {"scene", "cable", "left_out"} & set(path):
+        if (
+            isinstance(value, dict)
+            and path != ("versions",)
+            and path[-1:] != ("effects",)
+            and not {"scene", "cable", "left_out"} & set(path)
+        ):
             words = str(refusal(replaced(plain, path, {**value, "surplus": 1})))
             assert "surplus" in words or "must be a map of dtype, shape and data" in words
 
@@ -167,6 +172,7 @@ OPTIONAL = {
     ("ShapeRequest", "coefficient"), ("ShapeRequest", "speed"), ("ShapeRequest", "table"), ("Frame", "relaxation"),
     ("ShapeRequest", "self_contacts"), ("ShapeRequest", "inclination"), ("ShapeReply", "self_reactions"), ("Frame", "self_reactions"),
     ("ShapeReply", "rubbed"), ("Frame", "rubbed"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
+    ("ShapeRequest", "effects"), ("ShapeReply", "predicted"), ("Frame", "predicted"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
 
@@ -174,7 +180,7 @@ OPTIONAL = {
 @pytest.mark.parametrize("plain", PLAIN, ids=NAMES)
 def test_a_missing_field_is_refused_unless_it_has_a_default(plain: Any) -> None:
     for path, _ in places(plain):
-        if not path or not isinstance(path[-1], str) or {"scene", "cable", "versions", "left_out"} & set(path[:-1]):
+        if not path or not isinstance(path[-1], str) or {"scene", "cable", "versions", "left_out", "effects"} & set(path[:-1]):
             continue
         parent = at(plain, path[:-1])
         rest = msgpack.packb(replaced(plain, path[:-1], {key: item for key, item in parent.items() if key != path[-1]}))
