@@ -18,6 +18,8 @@ from .drag import drag_limit as drag_limit
 from .drag import normal_forces as normal_forces
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
+from .equilibrium import _advance as advance
+from .equilibrium import _worst_miss as worst_miss
 from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
@@ -27,6 +29,7 @@ from .inclined import add_couples as add_couples
 from .iteration import iterate as iterate
 from .margin import smallest_stiffness as smallest_stiffness
 from .newton import border_columns as border_columns
+from .newton import fix_gauge as fix_gauge
 from .newton import linear_system as linear_system
 from .newton import newton_step as newton_step
 from .newton import unbalanced as unbalanced
@@ -38,6 +41,11 @@ from .section_forces import twist_of as twist_of
 from .smoothing import add_smoothing as add_smoothing
 from .smoothing import smoothing_energy as smoothing_energy
 from .stick_slip import stick_slip as stick_slip
+from .strand_rows import add_spread as add_spread
+from .strand_rows import curvature as curvature
+from .strands import apart as apart
+from .strands import shares as shares
+from .strands import slide as slide
 from .symmetric import solve_symmetric as solve_symmetric
 from .vertices import assemble as assemble
 from .vertices import elastic_energy as elastic_energy
