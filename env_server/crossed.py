@@ -14,13 +14,13 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from protocol.kinds import SelfInteraction, SelfTouch
 from protocol.messages import CablePoints, CrossingReactions, Crossings, Shape
 from protocol.scene import Cable
 
 from .polyline import points_at
-from .poses import inside
 from .self_boundary import NEAR, all_have_rows, handed_on, places_of
 from .self_touch import SelfCandidates, search_two
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .hanging import Hanging
 
 APART: Final = 0.5  # of a segment; a place as near to a knot, on both cables, is not knotted again
+AT_KNOT: Final = 1.5  # segments; a place as near to a knot, on both cables, is that of the knot
 UP: Final = np.array([0.0, 0.0, 1.0])  # of a knot, whose normal says nothing
 NOTHING: Final = CablePoints(cable=np.zeros((0, 2), dtype=np.int64), s=np.zeros((0, 2)), point=np.zeros((0, 3)), force=np.zeros((0, 3)))
 
@@ -64,17 +65,11 @@ class Crossed:
 
     def looked(self, shapes: Sequence[Shape], room: float) -> Crossed:
         """With where the shapes are near each other; clearances are known up to `room` [m]."""
-        near = tuple(
-            search_two(
-                shapes[pair.first].nodes,
-                shapes[pair.second].nodes,
-                pair.distance,
-                0.5 * NEAR * pair.distance,
-                max(room, 0.5 * NEAR * pair.distance),
-            )
-            for pair in self.pairs
-        )
-        return replace(self, near=near)
+        near = []
+        for pair in self.pairs:
+            nodes, reach = (shapes[pair.first].nodes, shapes[pair.second].nodes), 0.5 * NEAR * pair.distance
+            near.append(self._beside_knots(pair, search_two(*nodes, pair.distance, reach, max(room, reach)), shapes))
+        return replace(self, near=tuple(near))
 
     def asked(self, shapes: Sequence[Shape]) -> Crossings | None:
         """The rows to ask the shape server about, by the shapes that were looked at; None if there are none."""
@@ -144,6 +139,13 @@ class Crossed:
                 knots.append(_knot(pair, s, shapes, radii))
         return replace(self, knots=tuple(knots))
 
+    def _beside_knots(self, pair: Pair, found: SelfCandidates, shapes: Sequence[Shape]) -> SelfCandidates:
+        """The places that are not those of a knot, which holds the two cables apart too."""
+        knots = np.array([knot.s for knot in self.knots if knot.cable == (pair.first, pair.second)]).reshape(-1, 2)
+        away = np.abs(found.place[:, None] - _places(knots, shapes, pair)[None]).max(axis=2)
+        free = away.min(axis=1, initial=np.inf) > AT_KNOT
+        return replace(found, place=found.place[free], normal=found.normal[free], gap=found.gap[free]) if len(knots) else found
+
     def _shared(self, pair: Pair, found: SelfCandidates, shapes: Sequence[Shape]) -> np.ndarray:
         """What pushed the pair in the last answer, on the rows of now."""
         own = (self.pushes.cable == (pair.first, pair.second)).all(axis=1)
@@ -181,6 +183,9 @@ def _knot(pair: tuple[int, int], s: tuple[float, float], shapes: Sequence[Shape]
     point, arms = axes[0] + share * (axes[1] - axes[0]), []
     for index, own, axis in zip(pair, s, axes, strict=True):
         shape = shapes[index]
-        segment = min(max(int(np.searchsorted(shape.s, own, side="right")) - 1, 0), len(shape.frames) - 1)
-        arms.append(inside(np.concatenate([axis, shape.frames[segment]]), point))
+        middles = 0.5 * (shape.s[1:] + shape.s[:-1])
+        first = min(max(int(np.searchsorted(middles, own)) - 1, 0), len(middles) - 2)
+        last = float(np.clip((own - middles[first]) / (middles[first + 1] - middles[first]), 0.0, 1.0))
+        before, after = Rotation.from_quat(shape.frames[first : first + 2]).as_matrix()
+        arms.append(np.linalg.solve((1.0 - last) * before + last * after, point - axis))
     return Knot(pair, s, np.array(arms), np.zeros(3))

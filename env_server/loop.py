@@ -190,7 +190,11 @@ class Loop:
             if self._stage.may_bond and anchor is None:
                 done.cables = within(done.cables)
                 break
-            touched = with_first_touches(anchor, cables, grasps, (done_at, goal), partial(looking.touching, self._stage)) if self._stage.may_bond and anchor else None
+            touched = (
+                with_first_touches(anchor, cables, grasps, (done_at, goal), partial(looking.touching, self._stage))
+                if self._stage.may_bond and anchor
+                else None
+            )
             if touched is None:
                 anchor, anchor_crossed, done_at = done.cables, crossed, goal
             cables = touched or cables  # again from where nothing was touched yet

@@ -23,7 +23,7 @@ class Crossings(Part, frozen=True):
     normal: np.ndarray  # (k, 3) unit, from the second place to the first: which cable is on which side
     distance: np.ndarray  # (k,) m, between the axes when they touch
     force: np.ndarray  # (k, 3) N, on the first cable, and against it on the second; what to start from
-    arm: np.ndarray  # (k, 2, 3) m, where they stick: from each axis to the common point, in the frame of its segment; zero where they touch
+    arm: np.ndarray  # (k, 2, 3) m, where they stick: from each axis to the common point, in the directors there; zero where they touch
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""

@@ -24,7 +24,8 @@ import numpy as np
 from . import crossing, knots
 from .border import SOFTNESS
 from .crossing import Crossing, Met
-from .equilibrium import DONE, EXACT, MISS_DONE, NEUTRAL, NO_MINIMUM, NOT_FINITE, SHIFT_LEAST, SHIFT_MOST, TURN_MAX, UNSTABLE, Settled
+from .equilibrium import DONE, EXACT, MISS_DONE, NEUTRAL, NO_MINIMUM, NOT_FINITE
+from .equilibrium import SHIFT_LEAST, SHIFT_MOST, TURN_MAX, UNSTABLE, Settled
 from .knots import Knots
 from .newton import Step
 from .rod import Rod, State, View
@@ -35,6 +36,7 @@ Array = np.ndarray
 PLAIN_STEPS: Final = 20
 PATIENT_STEPS: Final = 200
 PATIENT_TURN: Final = 0.1  # rad, of any segment in one step with a shift
+NEAR: Final = 1e-3  # rad; such a step leaves an error of about its square, and softly held cables move far by a small turn
 TURN_DONE: Final = 1e-6  # rad; a Newton step this long leaves an error of about its square
 
 
@@ -119,8 +121,13 @@ def settle(group: Group, begun: Together) -> Outcome:
     return replace(patient, iterations=plain.iterations + patient.iterations)
 
 
-def _newton(group: Group, begun: Together, steps: int, turn_most: float, *, is_patient: bool) -> Outcome:
-    """Newton steps, each downhill if one is patient."""
+def compare(group: Group, begun: Together) -> Outcome:
+    """Near to the equilibrium that is near, for comparing meshes, where no more is needed; `why` says whether one was found."""
+    return _newton(group, begun, PLAIN_STEPS, TURN_MAX, is_patient=False, near=NEAR)
+
+
+def _newton(group: Group, begun: Together, steps: int, turn_most: float, *, is_patient: bool, near: float = 0.0) -> Outcome:
+    """Newton steps, each downhill if one is patient; until one is as short as `near` [rad], or to the end if that is zero."""
     now, shift = begun, _neutral(group)
     for iteration in range(1, steps + 1):
         rods, couples = _loaded(group, now)
@@ -134,9 +141,11 @@ def _newton(group: Group, begun: Together, steps: int, turn_most: float, *, is_p
         share = min(1.0, turn_most / max(longest, 1e-300))
         now, let_go = _advanced(group, now, step, share)
         is_plain = shift <= _neutral(group)
+        if longest <= near:
+            return Outcome(now, *_loaded(group, now), step.is_stable, iteration, step.unbalanced, DONE)
         if longest < TURN_DONE and is_plain and not let_go and _is_held(group, now):
-            rods, couples = _loaded(group, now)
-            return Outcome(now, rods, couples, step.is_stable, iteration, step.unbalanced, DONE if step.is_stable else UNSTABLE)
+            why = DONE if step.is_stable else UNSTABLE
+            return Outcome(now, *_loaded(group, now), step.is_stable, iteration, step.unbalanced, why)
         shift = shift / 4.0 if shift > SHIFT_LEAST * group.scale else _neutral(group)
     return Outcome(now, rods, couples, step.is_stable, steps, step.unbalanced, NO_MINIMUM)
 
@@ -219,9 +228,7 @@ class _Part:
     unbalanced: float
 
 
-def _part(
-    path: ModuleType, rod: Rod, state: State, view: View, couples: Array, blocks: Array, more: Array, shift: float
-) -> _Part:
+def _part(path: ModuleType, rod: Rod, state: State, view: View, couples: Array, blocks: Array, more: Array, shift: float) -> _Part:
     """One rod eliminated, with the columns `more` (n-1, 3, shared) of the rows that it shares."""
     carried, gradient, diagonal, upper, beyond = path.linear_system(rod, state, view)
     gradient -= couples

@@ -21,7 +21,7 @@ from . import coupled, crossing, effects, knots, pieces
 from .answer import no_shape, rod_shape
 from .coupled import Group
 from .descent import Progress
-from .equilibrium import WHY
+from .equilibrium import DONE, UNSTABLE, WHY
 from .mesh import Mesh, from_nodes, halved
 from .refine import judged
 from .richardson import transfer
@@ -83,7 +83,7 @@ def _together(
     found = coupled.settle(group, coupled.begin(group, states, *begun))
     if not found.is_good:
         why = f"cables that touch each other, together: {WHY[found.why]}"
-        outcome = Outcome.UNSTABLE if found.why == coupled.UNSTABLE else Outcome.NOT_CONVERGED
+        outcome = Outcome.UNSTABLE if found.why == UNSTABLE else Outcome.NOT_CONVERGED
         return [no_shape(task.problem, task.used, outcome, why, "rod", task.seconds, found.iterations) for task in tasks]
     fine = _solutions(tasks, group, found)
     coarse = _coarser(tasks, meshes, asked, group, found)
@@ -140,16 +140,14 @@ def _solutions(tasks: Sequence[Task], group: Group, found: coupled.Outcome) -> l
     return out
 
 
-def _coarser(
-    tasks: Sequence[Task], meshes: Sequence[Mesh], asked: Crossings, fine: Group, found: coupled.Outcome
-) -> list[Solution] | None:
+def _coarser(tasks: Sequence[Task], meshes: Sequence[Mesh], asked: Crossings, fine: Group, found: coupled.Outcome) -> list[Solution] | None:
     """The same shapes on every second node, for the estimate; None if these do not converge."""
     asked = msgspec.structs.replace(asked, force=_forces(asked, found), s=_places(asked, fine, found, meshes))
     group, *begun = _equations(tasks, [halved(mesh) for mesh in meshes], asked)
     pairs = zip(group.systems, fine.systems, found.now.states, strict=True)
     states = [transfer(group.path, coarse, system, State(*state)) for coarse, system, state in pairs]
-    near = coupled.settle(group, coupled.begin(group, states, *begun))
-    return _solutions(tasks, group, near) if near.is_good else None
+    near = coupled.compare(group, coupled.begin(group, states, *begun))
+    return _solutions(tasks, group, near) if near.why == DONE else None
 
 
 def _shape(task: Task, fine: Solution, coarse: Solution | None, found: coupled.Outcome, index: int) -> Shape:
