@@ -14,7 +14,7 @@ from .checks import EXTENT_MAX as EXTENT_MAX
 from .checks import GRASPS_MAX as GRASPS_MAX
 from .checks import HUGE as HUGE
 from .checks import NODES_MAX as NODES_MAX
-from .checks import check_count, check_floats, check_integers, check_quaternions
+from .checks import check_count, check_floats, check_quaternions
 from .crossings import CablePoints as CablePoints
 from .crossings import CrossingReactions as CrossingReactions
 from .crossings import Crossings as Crossings

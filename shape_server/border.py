@@ -39,33 +39,37 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     `soft` [m/N] the compliances of held points and contacts, whose forces already balance (augmented Lagrangian).
     """
     is_exact = soft[0] == 0.0
-    held = np.array([row for row in range(len(rod.held.element)) if is_active(rod, state, row)], dtype=np.int64)
+    points, bond = rod.held.rows, rod.held.rows["bond"]
+    held = np.array([row for row in range(len(bond)) if is_active(bond, state.holds, row)], dtype=np.int64)
     contacts = np.arange(len(state.touches)) if is_exact else np.flatnonzero(state.touches)
     bent, rows, saddles = _bent(rod, state, view)
     rubs = np.arange(len(state.ease)) if is_exact else np.flatnonzero(state.ease > 0.0)
     first, last = len(held), len(held) + len(contacts)
     spread, stiffness = no_spread()
+    inclined = spread
     if len(rod.strands.distance) > 0:
         spread, stiffness = strand_rows(rod, state, view, contacts, first, last + rows)
+    if rod.held.inclined > 0:
+        inclined = inclined_rows(rod.held, held, len(rod.lengths))
     count = last + rows + len(stiffness) + 2 * len(rubs)
     element, fraction, vector = np.empty(count, dtype=np.int64), np.empty(count), np.empty((count, 3))
     is_turn, compliance, residual = np.zeros(count, dtype=np.bool_), np.zeros((count, count)), np.zeros(count)
     hard = SOFTNESS / rod.force_scale
     for k in range(first):
         row = held[k]
-        element[k], fraction[k], vector[k] = rod.held.element[row], rod.held.fraction[row], rod.held.axis[row]
-        if row >= len(rod.held.element) - rod.held.inclined:
+        element[k], fraction[k], vector[k] = points["element"][row], points["fraction"][row], points["axis"][row]
+        if row >= len(points) - rod.held.inclined:
             vector[k] = 0.0
         if not is_exact:
             compliance[k, k] = soft[0]
             continue
         residual[k] = view.miss[row]
-        if rod.held.bond[row] >= 0:
+        if bond[row] >= 0:
             compliance[k, k] = hard
             residual[k] += hard * state.force[row]
     for k in range(first, last):
         row = contacts[k - first]
-        element[k], fraction[k], vector[k] = rod.touch.element[row], state.fraction[row], view.push[row]
+        element[k], fraction[k], vector[k] = rod.touch["element"][row], state.fraction[row], view.push[row]
         compliance[k, k] = hard if is_exact else soft[1]
         residual[k] = view.gap[row] + hard * state.push[row] if is_exact else 0.0
     at = last
@@ -74,29 +78,19 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
     for k in range(len(stiffness)):
         element[at], fraction[at], vector[at], compliance[at, at] = 0, 0.0, 0.0, 1.0 / stiffness[k]
         at += 1
-    _add_rubs(rod, state, view, rubs, hard if is_exact else 0.0, at, element, fraction, vector, compliance, residual)
-    return Border(
-        element=element,
-        fraction=fraction,
-        vector=vector,
-        is_turn=is_turn,
-        compliance=compliance,
-        residual=residual,
-        held=held,
-        contacts=contacts,
-        rubs=rubs,
-        saddles=saddles + (stiffness > 0.0).sum(),
-        spread=spread,
-        inclined=inclined_rows(rod, held, len(rod.lengths)),
-    )
+    if len(rubs) > 0:
+        _add_rubs(rod, state, view, rubs, hard if is_exact else 0.0, at, element, fraction, vector, compliance, residual)
+    saddles += (stiffness > 0.0).sum()
+    return Border(element, fraction, vector, is_turn, compliance, residual, held, contacts, rubs, saddles, spread, inclined)
 
 
 @njit(cache=True, error_model="numpy")
 def _add_rubs(rod, state, view, rubs, hard, at, element, fraction, vector, compliance, residual):  # type: ignore[no-untyped-def]
     """Two rows along the surface for every contact that rubs; exact ones with `hard` [m/N], others with their own ease."""
+    own = rod.rub.rows
     for row in rubs:
         for axis in range(2):
-            element[at], fraction[at], vector[at] = rod.rub.element[row], rod.rub.fraction[row], rod.rub.axes[row, axis]
+            element[at], fraction[at], vector[at] = own["element"][row], own["fraction"][row], own["axes"][row, axis]
             compliance[at, at] = hard if hard > 0.0 else state.ease[row]
             residual[at] = view.slip[row, axis] + hard * state.drag[row, axis] if hard > 0.0 else 0.0
             at += 1
@@ -144,5 +138,5 @@ def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, 
         compliance[at, at] = -distance / push
         at += 1
     for k in range(start, at):
-        element[k], fraction[k] = rod.touch.element[c], state.fraction[c]
+        element[k], fraction[k] = rod.touch["element"][c], state.fraction[c]
     return at

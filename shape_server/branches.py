@@ -60,7 +60,7 @@ def _starts(task: Task, system: System) -> Iterator[np.ndarray]:
 
 def _is_same(task: Task, system: System, one: Settled, other: Settled) -> bool:
     """Whether two shapes are one; without any load, also if they are one turned about the line between the ends."""
-    twists = [task.path.twist_of(system.rod, shape.state) for shape in (one, other)]
+    twists = [system.twist(task.path, shape.state.frames) for shape in (one, other)]
     if abs(twists[0] - twists[1]) > 1.0:
         return False
     if not system.rod.loads.any():

@@ -44,7 +44,7 @@ def warm_up() -> float:
 def _compile_readings() -> None:
     """Compile what reads a state and solves nothing."""
     rod, state, view = _begun()
-    kernels.look(rod, state, rod.touch.normal)
+    kernels.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     kernels.section_forces(rod, state, view)
     kernels.smallest_stiffness(rod, state, view)
     kernels.energy(rod, state, view)
@@ -59,5 +59,5 @@ def _begun() -> tuple[Rod, State, View]:
     task = Task(problem, request.gravity, request.tolerance, None, True, True, used, kernels, lambda iteration, residual: None)
     system = task.system(even(stops(problem), problem.grasps.s, SEGMENTS))
     begun = system.start(curve_frames(system.mesh, problem, np.asarray(request.gravity), numpy_path))
-    state, view = numpy_path.look(system.rod, begun, system.rod.touch.normal)
+    state, view = numpy_path.look(system.rod, begun, np.ascontiguousarray(system.rod.touch["normal"]))
     return system.rod, state, view

@@ -82,27 +82,23 @@ def _bulge(x, h, first, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def contact_geometry(nodes, axes, lengths, element, fraction, feature, point, given, direction, extent, distance):  # type: ignore[no-untyped-def]
+def contact_geometry(nodes, axes, lengths, touch, fraction):  # type: ignore[no-untyped-def]
     """Where each contact is now. `fraction` is updated in place for edges and vertices.
 
     Args:
         nodes: (n, 3) [m].
         axes: (n-1, 3, 3) directors of the segments.
         lengths: (n-1,) [m].
-        element: (m,) segment of each row.
-        fraction: (m,) place along it, 0 to 1, or a little beyond.
-        feature: (m,) face, edge or vertex.
-        point: (m, 3) [m] on the feature.
-        given: (m, 3) unit normal when the contact was found; says on which side the cable is.
-        direction: (m, 3) unit, along the edge.
-        extent: (m, 2) [m] how far the edge goes from `point`, back and on.
-        distance: (m,) [m] between axis and feature when they touch.
+        touch: (m,) of `rod.TOUCH`; of the normal when the contact was found it matters on which side the cable is.
+        fraction: (m,) place along the segment, 0 to 1, or a little beyond.
 
     Returns:
         gap (m,) [m], negative where the cable would have to be pushed; normal n (m, 3); push (m, 3), the direction of the
         force, n + b'/mu m; slide m (m, 3); across (m, 3), zero unless a vertex; and numbers (m, 4): mu (0 where the contact
         does not slide), d [m], the couple b' d / mu^2 [m], and b'' [1/m].
     """
+    element, feature, point, given = touch["element"], touch["feature"], touch["point"], touch["normal"]
+    direction, extent, distance = touch["direction"], touch["extent"], touch["distance"]
     many = element.shape[0]
     gap, numbers = np.empty(many), np.zeros((many, 4))
     normal, push, slide, across = np.empty((many, 3)), np.empty((many, 3)), np.zeros((many, 3)), np.zeros((many, 3))

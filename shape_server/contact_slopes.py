@@ -36,12 +36,12 @@ def contact_slopes(rod: Rod, state: State, view: View) -> ContactSlopes:
     slopes = np.zeros((len(rows), NUMBERS, 13))
     if not len(rows):
         return ContactSlopes(rows, np.zeros((0, NUMBERS)), slopes)
-    element = rod.touch.element[rows]
+    element = rod.touch["element"][rows]
 
     def numbers(nodes: Array, axes: Array, lengths: Array) -> Array:
         return _numbers(rod, state, rows, nodes, axes, lengths)
 
-    step = STEP * max(float(rod.touch.distance[rows].min()), 1e-6 * rod.length)
+    step = STEP * max(float(rod.touch["distance"][rows].min()), 1e-6 * rod.length)
     turn = step / float(view.lengths[element].min())
     for k in range(3):
         shift = step * np.eye(3)[k]
@@ -59,21 +59,15 @@ def contact_slopes(rod: Rod, state: State, view: View) -> ContactSlopes:
 
 
 def _numbers(rod: Rod, state: State, rows: Array, nodes: Array, axes: Array, lengths: Array) -> Array:
-    touch, fraction, element = rod.touch, state.fraction[rows], rod.touch.element[rows]
+    touch, fraction = rod.touch[rows], state.fraction[rows]
     gap, normal, push, _, _, numbers = contact_geometry(
         nodes,
         axes,
         lengths,
-        element,
+        touch,
         fraction,
-        touch.feature[rows],
-        touch.point[rows],
-        touch.normal[rows],
-        touch.direction[rows],
-        touch.extent[rows],
-        touch.distance[rows],
     )
-    arm, across = numbers[:, 2], np.einsum("ckx,cx->ck", axes[element], normal)
+    arm, across = numbers[:, 2], np.einsum("ckx,cx->ck", axes[touch["element"]], normal)
     return np.column_stack([gap, push, fraction, -arm * across[:, 1], arm * across[:, 0], np.zeros(len(rows))])
 
 

@@ -24,8 +24,7 @@ import numpy as np
 from . import crossing, knots
 from .border import SOFTNESS
 from .crossing import Crossing, Met
-from .equilibrium import DONE, EXACT, MISS_DONE, NEUTRAL, NO_MINIMUM, NOT_FINITE
-from .equilibrium import SHIFT_LEAST, SHIFT_MOST, TURN_MAX, UNSTABLE, Settled
+from .equilibrium import DONE, EXACT, MISS_DONE, NEUTRAL, NO_MINIMUM, NOT_FINITE, SHIFT_LEAST, SHIFT_MOST, TURN_MAX, UNSTABLE, Settled
 from .knots import Knots
 from .newton import Step
 from .rod import Rod, State, View

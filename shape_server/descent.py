@@ -37,9 +37,10 @@ def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settl
 
 def _begun(path: ModuleType, rod: Rod, state: State) -> Descent:
     """A descent that has not begun."""
-    seen, view = path.look(rod, state, rod.touch.normal)
+    seen, view = path.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     start = Settled(seen, view, False, False, 0, np.inf, GOING_ON)
-    return Descent(start, state.force, state.push, state.drag, float(path.begin_stiffness(rod)), 0.0, 0, np.inf)
+    stiffness = float(path.begin_stiffness(rod.weight, rod.stiffest, rod.shortest))
+    return Descent(start, state.force, state.push, state.drag, stiffness, 0.0, 0, np.inf)
 
 
 def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, iterations: int) -> Descent:
@@ -47,7 +48,7 @@ def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, itera
     found, state, view = descent.settled, descent.settled.state, descent.settled.seen
     if descent.helped > 0 or settled.is_converged:
         kicked = State(*state)._replace(frames=path.retract(state.frames, path.kick(rod)))
-        state, view = path.look(rod, kicked, rod.touch.normal)
+        state, view = path.look(rod, kicked, np.ascontiguousarray(rod.touch["normal"]))
     over = iterations >= RELAX_STEPS
     beside = Settled(state, view, False, False, iterations, found.unbalanced, NO_MINIMUM if over else GOING_ON)
     return descent._replace(settled=beside, helped=0)

@@ -25,9 +25,10 @@ from numba import njit
 @njit(cache=True, error_model="numpy")
 def drag_limit(rub, k, speed, normal):  # type: ignore[no-untyped-def]
     """Force F(v, N) [N] of contact k at a speed [m/s] and a normal force [N], and its slopes with N and with v [N s/m]."""
-    if rub.table[k] >= 0:
-        return _from_table(rub, rub.table[k], speed, normal)
-    mu, v0 = rub.coefficient[k], rub.speed[k]
+    table = rub.rows["table"][k]
+    if table >= 0:
+        return _from_table(rub.tables[table], speed, normal)
+    mu, v0 = rub.rows["coefficient"][k], rub.rows["speed"][k]
     if v0 == 0.0:
         return mu * normal, mu, 0.0
     size = np.sqrt(speed * speed + v0 * v0)
@@ -41,26 +42,27 @@ def sticks_at_rest(rub, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _from_table(rub, table, speed, normal):  # type: ignore[no-untyped-def]
-    """The same, linear between the points of a table; a normal force of zero has no friction."""
-    speeds, normals = rub.counts[table, 0], rub.counts[table, 1]
+def _from_table(table, speed, normal):  # type: ignore[no-untyped-def]
+    """The same, linear between the points of a table (see `rod.Rub`); a normal force of zero has no friction."""
+    all_speeds, all_normals, forces = table[1:, 0], table[0, 1:], table[1:, 1:]
+    speeds, normals = np.isfinite(all_speeds).sum(), np.isfinite(all_normals).sum()
     i = 0
-    while i + 2 < speeds and rub.speeds[table, i + 1] <= speed:
+    while i + 2 < speeds and all_speeds[i + 1] <= speed:
         i += 1
     j = 0
-    while j + 1 < normals and rub.normals[table, j] < normal:
+    while j + 1 < normals and all_normals[j] < normal:
         j += 1
-    low = 0.0 if j == 0 else rub.normals[table, j - 1]
-    width = rub.normals[table, j] - low
+    low = 0.0 if j == 0 else all_normals[j - 1]
+    width = all_normals[j] - low
     share = (normal - low) / width
     lower, upper = np.zeros(2), np.zeros(2)
     for end in range(2):
         at = min(i + end, speeds - 1)
-        lower[end], upper[end] = 0.0 if j == 0 else rub.forces[table, at, j - 1], rub.forces[table, at, j]
+        lower[end], upper[end] = 0.0 if j == 0 else forces[at, j - 1], forces[at, j]
     along, slope = 0.0, 0.0
     if speeds > 1:
-        span = rub.speeds[table, i + 1] - rub.speeds[table, i]
-        along = min((speed - rub.speeds[table, i]) / span, 1.0)
+        span = all_speeds[i + 1] - all_speeds[i]
+        along = min((speed - all_speeds[i]) / span, 1.0)
         slope = 1.0 / span if along < 1.0 else 0.0
     first, last = lower[0] + share * (upper[0] - lower[0]), lower[1] + share * (upper[1] - lower[1])
     rise = (upper[0] - lower[0] + along * (upper[1] - lower[1] - upper[0] + lower[0])) / width
@@ -70,10 +72,10 @@ def _from_table(rub, table, speed, normal):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def normal_forces(rod, push):  # type: ignore[no-untyped-def]
     """Normal force (f,) [N] of every contact that rubs, from the forces (m,) of all rows; an edge has rows on several segments."""
-    out = np.zeros(len(rod.rub.element))
+    out, rub_of = np.zeros(len(rod.rub.rows)), rod.touch["rub"]
     for row in range(len(push)):
-        if rod.rub_of[row] >= 0:
-            out[rod.rub_of[row]] += push[row]
+        if rub_of[row] >= 0:
+            out[rub_of[row]] += push[row]
     return out
 
 

@@ -89,7 +89,7 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
     With `near` [rad] until a step is as short as that, for comparing meshes, where no more is needed; to the end if it is zero.
     """
     only_near = near > 0.0
-    state, view = look(rod, state, rod.touch.normal)
+    state, view = look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     is_stable, unbalanced, last = False, np.inf, np.inf
     most, shift = (NEAR_STEPS, 0.0) if only_near else (WARM_STEPS, NEUTRAL * rod.stiffest / rod.length**2)
     for iteration in range(1, most + 1):
@@ -157,7 +157,7 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
     state, view, iteration = descent.settled.state, descent.settled.seen, descent.settled.iterations
     force, push, drag, stiffness, shift = descent.force, descent.push, descent.drag, descent.stiffness, descent.shift
     helped, worst, unbalanced = descent.helped, descent.worst, descent.settled.unbalanced
-    softest = begin_stiffness(rod)
+    softest = begin_stiffness(rod.weight, rod.stiffest, rod.shortest)
     last = iteration + steps
     why = GOING_ON
     while why == GOING_ON and iteration < last:
@@ -193,9 +193,9 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def begin_stiffness(rod):  # type: ignore[no-untyped-def]
+def begin_stiffness(weight, stiffest, shortest):  # type: ignore[no-untyped-def]
     """Penalty of held points to begin with [N/m]; that of contacts is ten times as large."""
-    return 30.0 * (rod.weight + 10.0 * rod.stiffest / rod.shortest**2) / rod.shortest
+    return 30.0 * (weight + 10.0 * stiffest / shortest**2) / shortest
 
 
 @njit(cache=True, error_model="numpy")
@@ -227,18 +227,18 @@ def _largest(values):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     """Take a step, then drop the bonds that pull; whether there were any."""
-    holds, let_go = state.holds.copy(), False
+    points, holds, let_go = rod.held.rows, state.holds.copy(), False
     for bond in range(len(holds)):
         along = 0.0
         for row in range(len(step.force) - rod.held.inclined):
-            if rod.held.bond[row] == bond:
+            if points["bond"][row] == bond:
                 for k in range(3):
-                    along += step.force[row] * rod.held.axis[row, k] * rod.held.normal[bond, k]
+                    along += step.force[row] * points["axis"][row, k] * rod.held.normal[bond, k]
         if holds[bond] and along < 0.0:
             holds[bond], let_go = False, True
     force = step.force.copy()
     for row in range(len(force)):
-        if rod.held.bond[row] >= 0 and not holds[rod.held.bond[row]]:
+        if points["bond"][row] >= 0 and not holds[points["bond"][row]]:
             force[row] = 0.0
     frames = retract(state.frames, scale * step.turn)
     moved, seen = look(
@@ -262,10 +262,10 @@ def _worst_miss(rod, state, view):  # type: ignore[no-untyped-def]
 
     Infinite where a contact gave way further than a force can be meant: a body that the cable cannot escape.
     """
-    hard, worst = SOFTNESS / rod.force_scale, 0.0
+    hard, worst, bond = SOFTNESS / rod.force_scale, 0.0, rod.held.rows["bond"]
     for row in range(len(view.miss)):
-        if is_active(rod, state, row):
-            gives = hard * state.force[row] if rod.held.bond[row] >= 0 else 0.0
+        if is_active(bond, state.holds, row):
+            gives = hard * state.force[row] if bond[row] >= 0 else 0.0
             worst = max(worst, abs(view.miss[row] + gives))
     for row in range(len(view.gap)):
         if -view.gap[row] > GIVE_MAX * rod.length:

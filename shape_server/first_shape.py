@@ -35,12 +35,11 @@ def from_grasps(task: Task, system: System) -> Settled:
         touches=np.zeros_like(begin.touches),
         drag=np.zeros_like(begin.drag),
     )
-    if not len(system.rod.touch.contact):
+    if not len(system.rod.touch):
         return _hanging(task, system, begin)
-    empty = system.rod.touch._replace(**{name: column[:0] for name, column in system.rod.touch._asdict().items()})
     free = replace(
         system,
-        rod=system.rod._replace(touch=empty, rub=NO_RUB, rub_of=empty.contact, strands=no_strands()),
+        rod=system.rod._replace(touch=system.rod.touch[:0], rub=NO_RUB, strands=no_strands()),
         push=np.zeros(0),
         fraction=np.zeros(0),
         drag=np.zeros((0, 2)),
@@ -108,7 +107,7 @@ def _pulls(task: Task, system: System) -> np.ndarray:
         out[k] -= pull
         out[k + 1] += pull
     rows = system.row_grasp
-    return np.asarray(np.einsum("ij,ij->i", system.rod.held.axis, out[rows]) * (rows >= 0))
+    return np.asarray(np.einsum("ij,ij->i", system.rod.held.rows["axis"], out[rows]) * (rows >= 0))
 
 
 def _relaxed(task: Task, system: System, begin: State) -> Settled:
@@ -117,13 +116,13 @@ def _relaxed(task: Task, system: System, begin: State) -> Settled:
     A soft cable can shed or gain twist by looping over itself on the way, and rest there (by 4 pi, for frames at both ends). Where turns
     of twist are asked for, those that it has kept come first (`link`).
     """
-    expected, spent = _twist(task, system, begin), 0
+    expected, spent = system.twist(task.path, begin.frames), 0
     known = list[tuple[int, float, Settled]]()
     for way in _ways(task, system):
         found = way(begin)
         spent += found.iterations
         if found.is_converged and found.is_stable:
-            is_slipped = abs(_twist(task, system, found.state) - expected) >= SLIP
+            is_slipped = abs(system.twist(task.path, found.state.frames) - expected) >= SLIP
             missing = abs(link.shed(task, system, begin, found)) if is_slipped and any(task.problem.turns) else 0
             known.append((missing, _energy(task, system, found), found))
             if not is_slipped or (any(task.problem.turns) and not missing):
@@ -191,10 +190,6 @@ def _by_shorter_micro_lengths(task: Task, system: System, state: State) -> Settl
             break
         state = State(*found.state)
     return found._replace(iterations=spent)
-
-
-def _twist(task: Task, system: System, state: State) -> float:
-    return float(task.path.twist_of(system.rod, state))
 
 
 def _energy(task: Task, system: System, found: Settled) -> float:

@@ -79,7 +79,7 @@ class Follower:
     @property
     def contact_forces(self) -> np.ndarray:
         """Forces (m, 3) [N] on the cable at the contacts, in their order."""
-        seen = kernels.look(self._rod, self._state, self._rod.touch.normal)[1]
+        seen = kernels.look(self._rod, self._state, np.ascontiguousarray(self._rod.touch["normal"]))[1]
         return read(self._problem, self._system, Settled(self._state, seen, True, True, 0, 0.0, DONE), kernels).contact_forces
 
     def move(self, position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
@@ -120,11 +120,11 @@ class Follower:
         """Whether an edge or a vertex that pushed until now is inside the cable, or on its other side, where it has no rows."""
         contacts, nodes = self._problem.contacts, found.seen.nodes
         assert contacts is not None
-        contact, pushed = self._rod.touch.contact, self._state.push > 0.0
+        contact, pushed = self._rod.touch["contact"], self._state.push > 0.0
         gone = set(contact[pushed].tolist()).difference(contact[found.state.push > 0.0].tolist())
         if not gone:
             return False
-        directions = kernels.look(self._rod, self._state, self._rod.touch.normal)[1].push
+        directions = kernels.look(self._rod, self._state, np.ascontiguousarray(self._rod.touch["normal"]))[1].push
         for k in sorted(gone):
             if contacts.feature[k] == FACE:
                 continue

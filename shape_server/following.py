@@ -22,6 +22,7 @@ def hold_at(rod, held, position, quaternion):  # type: ignore[no-untyped-def]
     grasp each clamp and the base is.
     """
     rows, along, clamps, base = held
+    own = rod.held.rows
     for k in range(3):
         rod.origin[k] = position[base, k]
     for clamp in range(len(clamps)):
@@ -29,10 +30,10 @@ def hold_at(rod, held, position, quaternion):  # type: ignore[no-untyped-def]
             rod.clamp_frames[clamp, k] = quaternion[clamps[clamp], k]
     for row in range(len(rows)):
         if along[row] >= 0:
-            rod.held.axis[row] = directors(quaternion[rows[row] : rows[row] + 1])[0, along[row]]
-        rod.held.goal[row] = 0.0
+            own["axis"][row] = directors(quaternion[rows[row] : rows[row] + 1])[0, along[row]]
+        own["goal"][row] = 0.0
         for k in range(3):
-            rod.held.goal[row] += rod.held.axis[row, k] * position[rows[row], k]
+            own["goal"][row] += own["axis"][row, k] * position[rows[row], k]
 
 
 @njit(cache=True)
@@ -53,7 +54,7 @@ def follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-d
 @njit(cache=True)
 def _settled(rod, state, short, steps):  # type: ignore[no-untyped-def]
     """Newton steps until one is shorter than `short` [rad]: state, nodes, verdict."""
-    state, view = look(rod, state, rod.touch.normal)
+    state, view = look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     for _ in range(steps):
         step = newton_step(rod, state, view, EXACT, 0.0)
         longest = np.abs(step.turn).max()

@@ -102,7 +102,7 @@ def _clamped(task: Task, system: System, tangents: np.ndarray, start: Starter) -
         found = start(own, rod)
         frames.append(found.state.frames)
         forces[held] += Solution(own, rod, found).reading.wrenches[:, :3]
-    row_force = np.einsum("ij,ij->i", system.rod.held.axis, forces[system.row_grasp]) * (system.row_grasp >= 0)
+    row_force = np.einsum("ij,ij->i", system.rod.held.rows["axis"], forces[system.row_grasp]) * (system.row_grasp >= 0)
     begun = system.start(np.concatenate(frames))
     return begun._replace(
         force=row_force, push=np.zeros_like(begun.push), touches=np.zeros_like(begun.touches), drag=np.zeros_like(begun.drag)

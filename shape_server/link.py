@@ -36,8 +36,8 @@ def shed(task: Task, system: System, asked: State, found: Settled) -> int:
 
     They are even, as each crossing is worth two, but for a curve that turns by half a turn or more between two segments: that is told too.
     """
-    _, curve = task.path.look(system.rod, asked, system.rod.touch.normal)
-    twist = float(task.path.twist_of(system.rod, asked)) - float(task.path.twist_of(system.rod, found.state))
+    _, curve = task.path.look(system.rod, asked, np.ascontiguousarray(system.rod.touch["normal"]))
+    twist = system.twist(task.path, asked.frames) - system.twist(task.path, found.state.frames)
     ends = curve.axes[0, 2], curve.axes[-1, 2]
     writhes = [writhe(_closed(nodes, *ends)) for nodes in (curve.nodes, found.seen.nodes)]
     return round(twist / (2 * np.pi) + writhes[0] - writhes[1])

@@ -13,9 +13,9 @@ from .rod import State, energy, is_active, look
 @njit(cache=True, error_model="numpy")
 def soft_forces(rod, state, view, force, push, drag, stiffness):  # type: ignore[no-untyped-def]
     """The state with the forces that the penalties and the multipliers `force`, `push` and `drag` give."""
-    soft = force - stiffness * view.miss
+    soft, bond = force - stiffness * view.miss, rod.held.rows["bond"]
     for row in range(len(soft)):
-        if not is_active(rod, state, row):
+        if not is_active(bond, state.holds, row):
             soft[row] = 0.0
     pressed = np.maximum(push - 10.0 * stiffness * view.gap, 0.0)
     rubbed, ease, sticks = soft_drag(rod, view, pressed, drag, stiffness)
@@ -25,9 +25,9 @@ def soft_forces(rod, state, view, force, push, drag, stiffness):  # type: ignore
 @njit(cache=True, error_model="numpy")
 def _merit(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
     """Augmented Lagrangian [J], whose gradient is that of the energy with the forces of `soft_forces`."""
-    total = energy(rod, state, view)
+    total, bond = energy(rod, state, view), rod.held.rows["bond"]
     for row in range(len(force)):
-        if is_active(rod, state, row):
+        if is_active(bond, state.holds, row):
             total += view.miss[row] * (0.5 * stiffness * view.miss[row] - force[row])
     hardness = 10.0 * stiffness
     for row in range(len(push)):

@@ -60,9 +60,10 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
         state.frames, view.axes, rod.lengths, view.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, carried
     )
     for row in range(len(state.push)):
-        couple = _couple(rod, view, row)
+        segment = rod.touch["element"][row]
+        couple = _couple(view.axes[segment], view.normal[row], view.numbers[row, 2])
         for k in range(2):
-            gradient[rod.touch.element[row], k] -= state.push[row] * couple[k]
+            gradient[segment, k] -= state.push[row] * couple[k]
     if len(rod.elastic.limit) > 0:
         add_limit(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, gradient, diagonal, upper)
     beyond = np.empty((0, 3, 3))
@@ -72,14 +73,13 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _couple(rod, view, row):  # type: ignore[no-untyped-def]
+def _couple(axes, normal, arm):  # type: ignore[no-untyped-def]
     """Change of the gap of a contact with the rotation of its segment about d1 and d2 [m].
 
     A force on an edge or a vertex acts at the feature, not at the axis.
     """
-    axes, arm = view.axes[rod.touch.element[row]], view.numbers[row, 2]
-    first = view.normal[row, 0] * axes[0, 0] + view.normal[row, 1] * axes[0, 1] + view.normal[row, 2] * axes[0, 2]
-    second = view.normal[row, 0] * axes[1, 0] + view.normal[row, 1] * axes[1, 1] + view.normal[row, 2] * axes[1, 2]
+    first = normal[0] * axes[0, 0] + normal[1] * axes[0, 1] + normal[2] * axes[0, 2]
+    second = normal[0] * axes[1, 0] + normal[1] * axes[1, 1] + normal[2] * axes[1, 2]
     return -arm * second, arm * first
 
 
@@ -159,9 +159,10 @@ def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-unt
     matrix = columns(view.axes, view.lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
     for k in range(len(border.contacts)):
         row = border.contacts[k]
-        couple = _couple(rod, view, row)
+        segment = rod.touch["element"][row]
+        couple = _couple(view.axes[segment], view.normal[row], view.numbers[row, 2])
         for axis in range(2):
-            matrix[rod.touch.element[row], axis, len(border.held) + k] += couple[axis]
+            matrix[segment, axis, len(border.held) + k] += couple[axis]
     if len(border.spread.row) > 0:
         add_spread(view.axes, view.lengths, rod.base, border.spread, matrix)
     if len(border.inclined.row) > 0:

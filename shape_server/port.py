@@ -60,12 +60,12 @@ def port(system: System, state: State, path: ModuleType) -> Port:
     rod = system.rod
     if len(rod.elastic.smoothing) or len(rod.elastic.limit) or len(rod.strands.distance):
         raise CablecosimError("a port is not built for 'micro_length', 'bend_radius' and self-contacts; leave them out")
-    if len(rod.rub.element):
+    if len(rod.rub.rows):
         raise CablecosimError("a port is not built for contacts with friction; give them 'none' or 'bond'")
     clamp, last = int(rod.clamp_of_node[-1]), len(system.mesh.grasp_nodes) - 1
     if clamp < 0 or np.count_nonzero(system.row_grasp == last) != 3:
         raise CablecosimError("a port is the clamp at the end of a cable that is held elsewhere too; add a grasp, or turn the cable round")
-    state, view = path.look(rod, state, rod.touch.normal)
+    state, view = path.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     carried, _, diagonal, upper, _ = path.linear_system(rod, state, view)
     border = path.border_rows(rod, state, view, EXACT)
     matrix = path.border_columns(rod, view, border, carried, diagonal)
@@ -79,13 +79,13 @@ def port(system: System, state: State, path: ModuleType) -> Port:
     schur = np.einsum("jkc,jkd->cd", held, right)  # S and G
     rows = np.flatnonzero(system.row_grasp[border.held] == last)
     picked = np.zeros((held.shape[2], 6))
-    picked[rows, :3] = rod.held.axis[border.held[rows]]
+    picked[rows, :3] = rod.held.rows["axis"][border.held[rows]]
     picked[:, 3:] = schur[:, -3:]
     # A row that two others say already has no compliance of its own: the symmetric solver holds it softly.
     answers, _ = path.solve_symmetric(schur[:, :-3] + border.compliance[np.ix_(kept, kept)], picked)
     stiffness = picked.T @ answers
     stiffness[3:, 3:] += own - coupling.T @ right[-1, :, -3:]
-    force = np.concatenate([rod.held.axis[border.held[rows]].T @ state.force[border.held[rows]], moment])
+    force = np.concatenate([rod.held.rows["axis"][border.held[rows]].T @ state.force[border.held[rows]], moment])
     return _turned(stiffness, force, rod.clamp_frames[clamp])
 
 

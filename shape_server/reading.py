@@ -60,15 +60,15 @@ def _read(problem: Problem, system: System, found: Settled, path: ModuleType, mo
     tension, curvature, twist, moments = path.section_forces(rod, state, view)
     wrenches = np.zeros((len(problem.grasps.s), 6))
     contact_forces = np.zeros((0 if problem.contacts is None else len(problem.contacts.s), 3))
-    pulls = state.force[:, None] * rod.held.axis
+    pulls = state.force[:, None] * rod.held.rows["axis"]
     last = len(system.row_grasp) - rod.held.inclined  # rows of inclination come last, before them those of bonds
     on_grasp = last - 3 * len(system.bond_contact)
     np.add.at(wrenches[:, :3], system.row_grasp[:on_grasp], pulls[:on_grasp])
     if len(contact_forces):
-        np.add.at(contact_forces, system.bond_contact[rod.held.bond[on_grasp:last]], pulls[on_grasp:last])
+        np.add.at(contact_forces, system.bond_contact[rod.held.rows["bond"][on_grasp:last]], pulls[on_grasp:last])
         pushing = slice(0, system.body_rows)
-        np.add.at(contact_forces, rod.touch.contact[pushing], (state.push[:, None] * view.push)[pushing])
-        contact_forces[rod.rub.contact] += np.einsum("fa,fax->fx", state.drag, rod.rub.axes)
+        np.add.at(contact_forces, rod.touch["contact"][pushing], (state.push[:, None] * view.push)[pushing])
+        contact_forces[rod.rub.rows["contact"]] += np.einsum("fa,fax->fx", state.drag, rod.rub.rows["axes"])
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments + more_moments
     # The base has no rows: its force is what is left over from all others.
     wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
@@ -112,23 +112,23 @@ def _contact_moments(system: System, found: Settled, count: int, path: ModuleTyp
     `contact_geometry`, zero on a face, where the line of the force meets the axis.
     """
     rod, state, view = system.rod, found.state, found.seen
-    last = len(rod.held.bond) - rod.held.inclined
-    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.bond[:last] >= 0)
+    last = len(rod.held.rows) - rod.held.inclined
+    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.rows["bond"][:last] >= 0)
     if len(bonds):
-        pulls = state.force[bonds, None] * rod.held.axis[bonds]
-        moments = _crosses(_on_axis(view.nodes, rod.held.element[bonds], rod.held.fraction[bonds]), pulls)
-        np.add.at(out, system.bond_contact[rod.held.bond[bonds]], moments)
-    for row in range(last, len(rod.held.bond)):
+        pulls = state.force[bonds, None] * rod.held.rows["axis"][bonds]
+        moments = _crosses(_on_axis(view.nodes, rod.held.rows["element"][bonds], rod.held.rows["fraction"][bonds]), pulls)
+        np.add.at(out, system.bond_contact[rod.held.rows["bond"][bonds]], moments)
+    for row in range(last, len(rod.held.rows)):
         couple = np.zeros_like(view.nodes)
         path.add_couples(couple, rod.held._replace(inclined=1), state.force[: row + 1], state.holds)
-        out[system.bond_contact[rod.held.bond[row]]] += cross_sum(view.nodes, couple)
-    element, pushing = rod.touch.element, slice(0, system.body_rows)
+        out[system.bond_contact[rod.held.rows["bond"][row]]] += cross_sum(view.nodes, couple)
+    element, pushing = rod.touch["element"], slice(0, system.body_rows)
     moments = _crosses(_on_axis(view.nodes, element, state.fraction[: len(element)]), view.push)
     moments += view.numbers[:, 2:3] * _crosses(view.axes[element, 2], view.normal)
-    np.add.at(out, rod.touch.contact[pushing], (state.push[:, None] * moments)[pushing])
+    np.add.at(out, rod.touch["contact"][pushing], (state.push[:, None] * moments)[pushing])
     if len(state.drag):
-        held = _on_axis(view.nodes, rod.rub.element, rod.rub.fraction)
-        out[rod.rub.contact] += _crosses(held, np.einsum("fa,fax->fx", state.drag, rod.rub.axes))
+        held = _on_axis(view.nodes, rod.rub.rows["element"], rod.rub.rows["fraction"])
+        out[rod.rub.rows["contact"]] += _crosses(held, np.einsum("fa,fax->fx", state.drag, rod.rub.rows["axes"]))
     return out
 
 
@@ -145,8 +145,8 @@ def rubbed(problem: Problem, system: System, found: Settled, contact_s: Array, p
     rest = np.array([path.drag_limit(rub, k, 0.0, normal[k])[0] for k in range(len(normal))])
     size = np.linalg.norm(state.drag, axis=1)
     share = SOFTNESS / rod.force_scale * np.minimum(1.0, rest / np.where(size > 0.0, size, 1.0))
-    lag = share[:, None] * np.einsum("fa,fax->fx", state.drag, rub.axes)
-    s = contact_s[rub.contact]
+    lag = share[:, None] * np.einsum("fa,fax->fx", state.drag, rub.rows["axes"])
+    s = contact_s[rub.rows["contact"]]
     places = _on_axis(found.seen.nodes, *system.mesh.locate(s))
     answer: Rubbed = friction.rubbed(contacts, friction.laws(contacts), rub, s, places, lag, state.sticks)
     return answer
@@ -169,7 +169,7 @@ def contact_places(problem: Problem, system: System, found: Settled) -> Array:
         return np.zeros(0)
     touch, mesh, many = system.rod.touch, system.mesh, system.body_rows
     s, push = np.array(problem.contacts.s), found.state.push[:many]
-    element, contact = touch.element[:many], touch.contact[:many]
+    element, contact = touch["element"][:many], touch["contact"][:many]
     place = mesh.s[element] + found.state.fraction[:many] * mesh.lengths[element]
     force = np.bincount(contact, weights=push, minlength=len(s))
     moment = np.bincount(contact, weights=push * place, minlength=len(s))

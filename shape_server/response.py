@@ -86,7 +86,7 @@ def response(system: System, grasps: Grasps, state: State, view: View) -> tuple[
     """
     rod = system.rod
     contacts = contact_slopes(rod, state, view)
-    held = np.flatnonzero(np.append(state.holds, True)[rod.held.bond])  # a row of a grasp has the last, which always holds
+    held = np.flatnonzero(np.append(state.holds, True)[rod.held.rows["bond"]])  # a row of a grasp has the last, which always holds
     guided = [(row, k) for row, k in enumerate(system.row_grasp.tolist()) if k >= 0 and grasps.hold[k] is Hold.GUIDE]
     column = Column(held, contacts, guided, len(held) + 8 * len(contacts.rows), 6 * len(grasps.s))
     grasp_of_clamp = [k for k, hold in enumerate(grasps.hold) if hold is not Hold.HINGE]
@@ -95,7 +95,7 @@ def response(system: System, grasps: Grasps, state: State, view: View) -> tuple[
     spread = _spread(system, column, state, view)
     right = _columns(rod, view, carried, diagonal, spread)
     for k, row in enumerate(contacts.rows):
-        right[rod.touch.element[row], :, column.contact(k) + 5 : column.contact(k) + 8] += np.eye(3)
+        right[rod.touch["element"][row], :, column.contact(k) + 5 : column.contact(k) + 8] += np.eye(3)
     sides = list(_smoothed_sides(rod, state, view) if len(rod.elastic.smoothing) else _sides(rod, state))
     for side in sides:
         at = column.border + 6 * grasp_of_clamp[side.clamp] + 3
@@ -118,16 +118,16 @@ def _spread(system: System, column: Column, state: State, view: View) -> Array:
     rod = system.rod
     out = np.zeros((len(rod.lengths), 3, column.border + column.poses))
     touching = column.contacts.rows
-    shares = _shares(rod, rod.held.element, rod.held.fraction)
-    out[:, :, : len(column.held)] = np.einsum("jh,hx->jxh", shares[:, column.held], rod.held.axis[column.held])
-    places = _shares(rod, rod.touch.element[touching], state.fraction[touching])
+    shares = _shares(rod, rod.held.rows["element"], rod.held.rows["fraction"])
+    out[:, :, : len(column.held)] = np.einsum("jh,hx->jxh", shares[:, column.held], rod.held.rows["axis"][column.held])
+    places = _shares(rod, rod.touch["element"][touching], state.fraction[touching])
     for k, row in enumerate(touching):
         at = column.contact(k)
         out[:, :, at + 1 : at + 4] = places[:, k, None, None] * np.eye(3)
-        out[rod.touch.element[row], :, at + SHIFT] = state.push[row] * view.push[row]
+        out[rod.touch["element"][row], :, at + SHIFT] = state.push[row] * view.push[row]
     for row, grasp in column.guided:
         at = column.border + 6 * grasp + 3
-        turned = np.cross(np.eye(3), state.force[row] * rod.held.axis[row])  # rows: by a turn about each axis
+        turned = np.cross(np.eye(3), state.force[row] * rod.held.rows["axis"][row])  # rows: by a turn about each axis
         out[:, :, at : at + 3] += shares[:, row, None, None] * turned.T
     return out
 
@@ -178,7 +178,7 @@ def _motion(system: System, column: Column, view: View, carried: Array, spread: 
 def _held_rows(system: System, column: Column, position: Array, view: View, motion: Motion) -> Array:
     """Change (h, columns) [m] of the misses of all held points."""
     held, chosen = system.rod.held, column.held
-    element, fraction, axis = held.element[chosen], held.fraction[chosen], held.axis[chosen]
+    element, fraction, axis = held.rows["element"][chosen], held.rows["fraction"][chosen], held.rows["axis"][chosen]
 
     def along(nodes: Array) -> Array:
         """Of values (n, ...) at the nodes, those at the held points (h, ...)."""
@@ -194,7 +194,7 @@ def _held_rows(system: System, column: Column, position: Array, view: View, moti
     slid, where = along(view.nodes), {row: k for k, row in enumerate(chosen.tolist())}
     for row, grasp in column.guided:
         at = column.border + 6 * grasp + 3
-        out[where[row], at : at + 3] += np.cross(held.axis[row], slid[where[row]] - position[grasp])
+        out[where[row], at : at + 3] += np.cross(held.rows["axis"][row], slid[where[row]] - position[grasp])
     return out
 
 
@@ -202,7 +202,7 @@ def _contact_rows(rod: Rod, column: Column, state: State, motion: Motion) -> Ite
     """Rows (8, columns) of every contact: its gap is what its softness says, its force, place and couple what the slopes say."""
     last = len(rod.lengths) - 1
     for k, row in enumerate(column.contacts.rows):
-        j, at, push = rod.touch.element[row], column.contact(k), state.push[row]
+        j, at, push = rod.touch["element"][row], column.contact(k), state.push[row]
         numbers, slopes = column.contacts.numbers[k], column.contacts.slopes[k]
         # The slopes with a neighbour that does not exist are zero.
         beside = motion.turn[[max(j - 1, 0), j, min(j + 1, last)]].reshape(9, -1)
@@ -225,14 +225,14 @@ def _forces(system: System, column: Column, state: State, border: Array) -> Arra
     out, held = np.zeros((column.poses, column.poses)), system.rod.held
     rest = 6 * system.base
     for k, row in enumerate(column.held):
-        grasp, change = system.row_grasp[row], held.axis[row][:, None] * border[k]
+        grasp, change = system.row_grasp[row], held.rows["axis"][row][:, None] * border[k]
         out[rest : rest + 3] -= change
         if grasp >= 0:
             out[6 * grasp : 6 * grasp + 3] += change
     for k in range(len(column.contacts.rows)):
         out[rest : rest + 3] -= border[column.contact(k) + 1 : column.contact(k) + 4]
     for row, grasp in column.guided:
-        at, turned = 6 * grasp, np.cross(np.eye(3), state.force[row] * held.axis[row]).T
+        at, turned = 6 * grasp, np.cross(np.eye(3), state.force[row] * held.rows["axis"][row]).T
         out[at : at + 3, at + 3 : at + 6] += turned
         out[rest : rest + 3, at + 3 : at + 6] -= turned
     return out

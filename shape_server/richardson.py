@@ -40,7 +40,7 @@ def transfer(path: ModuleType, finer: System, coarser: System, state: State) -> 
     there, here = _middles(coarser, state.frames), 0.5 * (finer.mesh.s[:-1] + finer.mesh.s[1:])
     moved = finer.start(path.interpolate_frames(*there, here))
     push, body = np.zeros(len(moved.push)), finer.body_rows
-    fine, coarse = finer.rod.touch.contact[:body], coarser.rod.touch.contact[: coarser.body_rows]
+    fine, coarse = finer.rod.touch["contact"][:body], coarser.rod.touch["contact"][: coarser.body_rows]
     push[body:] = state.push[coarser.body_rows :]
     if len(fine) and len(coarse):
         total = np.bincount(coarse, weights=state.push[: len(coarse)], minlength=int(fine.max()) + 1)

@@ -46,7 +46,7 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
         _add_smoothing(rod, state, curvature, moments)
     if len(rod.elastic.limit) > 0:
         _add_limit(rod, state, moments)
-    return tension, curvature, twist_of(rod, state), moments
+    return tension, curvature, twist_of(state.frames, rod.clamp_of_node, rod.clamp_frames), moments
 
 
 @njit(cache=True)
@@ -92,19 +92,19 @@ def _add_limit(rod, state, moments):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def twist_of(rod, state):  # type: ignore[no-untyped-def]
+def twist_of(frames, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-def]
     """Twist [rad] of the section about the tangent, from the first node to the last."""
-    count, twist, rho = len(rod.lengths), 0.0, np.empty(4)
+    count, twist, rho = len(frames), 0.0, np.empty(4)
     for i in range(count + 1):
-        clamp = rod.clamp_of_node[i]
+        clamp = clamp_of_node[i]
         if clamp < 0 and 0 < i < count:
-            relative(state.frames[i - 1], state.frames[i], rho)
+            relative(frames[i - 1], frames[i], rho)
             twist += 4.0 * np.arctan(rho[2] / (1.0 + rho[3]))
         if clamp >= 0 and i > 0:
-            relative(state.frames[i - 1], rod.clamp_frames[clamp], rho)
+            relative(frames[i - 1], clamp_frames[clamp], rho)
             twist += 4.0 * np.arctan(rho[2] / (1.0 + rho[3]))
         if clamp >= 0 and i < count:
-            relative(rod.clamp_frames[clamp], state.frames[i], rho)
+            relative(clamp_frames[clamp], frames[i], rho)
             twist += 4.0 * np.arctan(rho[2] / (1.0 + rho[3]))
     return twist
 

@@ -106,11 +106,11 @@ def _weak(system: System, found: Settled) -> np.ndarray:
     rod, state = system.rod, found.state
     force, distance = WEAK * rod.force_scale, WEAK * rod.length
     rows = np.where(state.push > 0.0, state.push < force, found.seen.gap < distance)
-    pulls = state.force[:, None] * rod.held.axis * (rod.held.bond >= 0)[:, None]
+    pulls = state.force[:, None] * rod.held.rows["axis"] * (rod.held.rows["bond"] >= 0)[:, None]
     bonds = np.zeros((len(state.holds), 3))
-    np.add.at(bonds, rod.held.bond[rod.held.bond >= 0], pulls[rod.held.bond >= 0])
+    np.add.at(bonds, rod.held.rows["bond"][rod.held.rows["bond"] >= 0], pulls[rod.held.rows["bond"] >= 0])
     loose = state.holds & (np.einsum("bx,bx->b", bonds, rod.held.normal) < force)
-    return np.unique(np.concatenate([rod.touch.contact[rows], system.bond_contact[loose]]))
+    return np.unique(np.concatenate([rod.touch["contact"][rows], system.bond_contact[loose]]))
 
 
 def _sentence(weak: list[int]) -> str:

@@ -47,7 +47,7 @@ def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ign
         change (count,) of the forces, is_closed (m,), sticks (f,), and the number of positive eigenvalues of the matrix of held points,
         closed contacts, curvature, and what sticks: sliding forces count as given.
     """
-    count, many, rubs = len(right), len(contacts), len(rod.rub.element)
+    count, many, rubs = len(right), len(contacts), len(rod.rub.rows)
     rows, last = np.arange(count), count - 2 * rubs
     free = np.concatenate((rows[held : held + many], rows[last:]))
     fixed = np.concatenate((rows[:held], rows[held + many : last]))
@@ -62,7 +62,7 @@ def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ign
         own = own - coupling @ np.ascontiguousarray(solved[:, : len(free)])
         rest = rest - coupling @ np.ascontiguousarray(solved[:, len(free)])
     acting = np.concatenate((state.push[contacts], state.drag.reshape(-1)))
-    force, sticks = stick_slip(own, rest + own @ acting, rod.rub_of, rod.rub, hard, acting)
+    force, sticks = stick_slip(own, rest + own @ acting, np.ascontiguousarray(rod.touch["rub"]), rod.rub, hard, acting)
     closed = force[:many] > 0.0
     change = np.zeros(count)
     change[free] = force - acting
@@ -88,7 +88,7 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
         hard: [m/N] Compliance of what sticks.
         start: (m + 2f,) [N] Forces now.
     """
-    many, rubs = len(rub_of), len(rub.element)
+    many, rubs = len(rub_of), len(rub.rows)
     force, closed, turned = start.copy(), start[:many] > 0.0, np.zeros(rubs, dtype=np.bool_)
     normal = _normals(force, rub_of, rubs)
     at, sticks = _guess(matrix @ start - right, force, rub, hard, normal, many)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from protocol.scene import Cable, Vector
 from . import effects
 from .mesh import Mesh
 from .numpy_path import directors
-from .rod import NO_RUB, Elastic, Held, Rod, Rub, State, Touch
+from .rod import HELD, NO_RUB, TOUCH, Elastic, Held, Rod, Rub, State, from_columns
 from .strands import Strands
 
 KICK_MOST = 0.05  # rad, how far to go off a saddle
@@ -41,6 +42,10 @@ class System:
     def body_rows(self) -> int:
         """How many rows are contacts with bodies; those of the cable with itself come after them."""
         return len(self.push) - len(self.rod.strands.distance)
+
+    def twist(self, path: ModuleType, frames: np.ndarray) -> float:
+        """Twist [rad] of frames (n-1, 4) about the tangent, from the first node to the last."""
+        return float(path.twist_of(frames, self.rod.clamp_of_node, self.rod.clamp_frames))
 
     def start(self, frames: np.ndarray) -> State:
         """The state with the given frames and the forces that the request starts from."""
@@ -71,9 +76,8 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
     base = next(k for k, hold in enumerate(grasps.hold) if hold is not Hold.GUIDE)
     held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
     touch, push, fraction = _touch(problem, used, mesh, touching)
-    rub, rub_of, drag = _rub(problem, used, mesh, touch)
+    rub, drag = _rub(problem, used, mesh, touch)
     touch, strands, push, fraction = _with_strands(problem, used, mesh, touch, push, fraction)
-    rub_of = np.append(rub_of, np.full(len(push) - len(rub_of), -1, dtype=np.int64))
     shortest, kick = _spans(problem)
     rod = Rod(
         lengths=np.array(mesh.lengths),
@@ -87,7 +91,6 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
         held=held,
         touch=touch,
         rub=rub,
-        rub_of=rub_of,
         strands=strands,
         length=cable.length,
         stiffest=matter.stiffest,
@@ -203,8 +206,9 @@ def _held(problem: Problem, used: tuple[str, ...], mesh: Mesh, base: int) -> tup
         none = np.zeros((len(chosen), 3))
         point, force, row_grasp = np.vstack([point, none]), np.vstack([force, none]), np.append(row_grasp, np.full(len(chosen), -1))
         inclined = len(chosen)
-    held = Held(element, fraction, axis, np.einsum("ij,ij->i", axis, point), bond, normal, inclined)
-    return held, np.einsum("ij,ij->i", axis, force), row_grasp, bond_contact
+    goal = np.einsum("ij,ij->i", axis, point)
+    rows = from_columns(HELD, {"element": element, "fraction": fraction, "axis": axis, "goal": goal, "bond": bond})
+    return Held(rows, normal, inclined), np.einsum("ij,ij->i", axis, force), row_grasp, bond_contact
 
 
 def _across(quaternion: np.ndarray) -> np.ndarray:
@@ -222,42 +226,40 @@ def grouped(problem: Problem, used: tuple[str, ...], reach: int = 1) -> Any:
     return effects.load("contact").grouped(problem.contacts, chosen, reach)
 
 
-def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -> tuple[Touch, np.ndarray, np.ndarray]:
+def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One-sided rows, their forces and places; none without contacts."""
     groups = grouped(problem, used) if touching is None else touching
     if groups is not None:
-        rows: tuple[Touch, np.ndarray, np.ndarray] = effects.load("contact").rows(problem.contacts, groups, mesh)
+        rows: tuple[np.ndarray, np.ndarray, np.ndarray] = effects.load("contact").rows(problem.contacts, groups, mesh)
         return rows
-    none, points = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-    return Touch(none, none, none, points, points, points, np.zeros((0, 2)), np.zeros(0)), np.zeros(0), np.zeros(0)
+    return np.zeros(0, dtype=TOUCH), np.zeros(0), np.zeros(0)
 
 
-def _rub(problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: Touch) -> tuple[Rub, np.ndarray, np.ndarray]:
-    """Rows of friction, which of them every row of `touch` (m,) belongs to, and their forces; none without friction."""
+def _rub(problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: np.ndarray) -> tuple[Rub, np.ndarray]:
+    """Rows of friction and their forces, which rows of `touch` (m,) they belong to put down there; none without friction."""
     if "friction" not in used:
-        return NO_RUB, np.full(len(touch.contact), -1, dtype=np.int64), np.zeros((0, 2))
+        return NO_RUB, np.zeros((0, 2))
     assert problem.contacts is not None
     friction = effects.load("friction")
     rub, drag = friction.rows(problem.contacts, friction.laws(problem.contacts), mesh)
     row_of_contact = np.full(len(problem.contacts.s), -1, dtype=np.int64)
-    row_of_contact[rub.contact] = np.arange(len(rub.contact))
-    return rub, row_of_contact[touch.contact], drag
+    row_of_contact[rub.rows["contact"]] = np.arange(len(rub.rows))
+    touch["rub"] = row_of_contact[touch["contact"]]
+    return rub, drag
 
 
 def _with_strands(
-    problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: Touch, push: np.ndarray, fraction: np.ndarray
-) -> tuple[Touch, Strands, np.ndarray, np.ndarray]:
+    problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: np.ndarray, push: np.ndarray, fraction: np.ndarray
+) -> tuple[np.ndarray, Strands, np.ndarray, np.ndarray]:
     """Contacts with bodies, those of the cable with itself after them, and the forces and places of both."""
     if "self_contact" not in used:
         return touch, no_strands(), push, fraction
     assert problem.self_contacts is not None
     strands, own_push, places = effects.load("self_contact").rows(problem.self_contacts, len(push), mesh)
     more = len(own_push)
-    columns = {
-        name: np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]) for name, column in touch._asdict().items()
-    }
-    columns["contact"][len(push) :] = -1 - np.arange(more)
-    return Touch(**columns), strands, np.append(push, own_push), np.concatenate([fraction, np.zeros(more), places])
+    own = np.zeros(more, dtype=TOUCH)
+    own["contact"], own["rub"] = -1 - np.arange(more), -1
+    return np.concatenate([touch, own]), strands, np.append(push, own_push), np.concatenate([fraction, np.zeros(more), places])
 
 
 def no_strands() -> Strands:

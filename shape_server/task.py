@@ -86,7 +86,7 @@ class Solution:
         """
         rod, mesh, touch = self.system.rod, self.system.mesh, self.system.rod.touch
         on = np.flatnonzero(self.found.state.push[: self.system.body_rows] > 0.0)
-        touched = mesh.s[touch.element[on]] + self.found.state.fraction[on] * mesh.lengths[touch.element[on]]
+        touched = mesh.s[touch["element"][on]] + self.found.state.fraction[on] * mesh.lengths[touch["element"][on]]
         places = np.concatenate([self.stops, touched, self.reading.self_places[self.reading.self_push > 0.0].ravel()])
         segment, _ = mesh.locate(places)
         force = np.abs(self.reading.tension)

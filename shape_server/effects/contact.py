@@ -16,7 +16,7 @@ from protocol.messages import Contacts
 
 from ..contact_geometry import EDGE, FACE
 from ..mesh import Mesh
-from ..rod import Touch
+from ..rod import TOUCH, from_columns
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ def grouped(contacts: Contacts, chosen: np.ndarray, reach: int) -> Grouped:
     return Grouped(chosen, push, np.flatnonzero(is_face).tolist(), features, extent, reach)
 
 
-def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[Touch, np.ndarray, np.ndarray]:
-    """Rows for the grouped contacts, with their forces [N] and places along their segments to start from.
+def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows (m,) of `TOUCH` for the grouped contacts, with their forces [N] and places along their segments to start from.
 
     An edge or a vertex gets a row on the segment where it was found and on its neighbours, unless another contact with the
     same feature is nearer there. The contact then passes from segment to segment without a jump.
@@ -65,15 +65,19 @@ def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[Touch, np.nda
     segment = np.array([j for _, j in source], dtype=np.int64)
     is_own = segment == element[of]
     index = chosen[of]
-    touch = Touch(
-        contact=index,
-        element=segment,
-        feature=contacts.feature[index],
-        point=contacts.point[index],
-        normal=contacts.normal[index],
-        direction=contacts.direction[index],
-        extent=groups.extent[of],
-        distance=contacts.distance[index],
+    touch = from_columns(
+        TOUCH,
+        {
+            "contact": index,
+            "element": segment,
+            "feature": contacts.feature[index],
+            "rub": np.full(len(index), -1, dtype=np.int64),
+            "point": contacts.point[index],
+            "normal": contacts.normal[index],
+            "direction": contacts.direction[index],
+            "extent": groups.extent[of],
+            "distance": contacts.distance[index],
+        },
     )
     return touch, np.where(is_own, push[of], 0.0), np.where(is_own, fraction[of], np.where(segment < element[of], 1.0, 0.0))
 

@@ -16,7 +16,7 @@ from protocol.messages import Contacts, Rubbed
 from ..contact_geometry import EDGE
 from ..contacts import Numbers, numbers_of
 from ..mesh import Mesh
-from ..rod import Rub
+from ..rod import RUB, Rub, from_columns
 
 
 @dataclass(frozen=True)
@@ -53,23 +53,17 @@ def rows(contacts: Contacts, chosen: Laws, mesh: Mesh) -> tuple[Rub, np.ndarray]
             known = next((place for place, one in enumerate(tables) if one[0] is own.table[0]), len(tables))
             tables += [own.table] if known == len(tables) else []
             table[k] = known
-    speeds, normals, forces, counts = _padded(tables)
-    rub = Rub(
-        contact=contact,
-        element=element,
-        fraction=fraction,
-        axes=axes,
-        anchor=rubbing.anchor[chosen.row],
-        coefficient=np.array([own.coefficient for own in chosen.of_row]),
-        speed=np.array([own.speed for own in chosen.of_row]),
-        table=table,
-        speeds=speeds,
-        normals=normals,
-        forces=forces,
-        counts=counts,
-        time_step=rubbing.time_step,
-    )
-    return rub, np.einsum("fax,fx->fa", axes, contacts.force[contact])
+    of_rows = {
+        "contact": contact,
+        "element": element,
+        "fraction": fraction,
+        "axes": axes,
+        "anchor": rubbing.anchor[chosen.row],
+        "coefficient": np.array([own.coefficient for own in chosen.of_row]),
+        "speed": np.array([own.speed for own in chosen.of_row]),
+        "table": table,
+    }
+    return Rub(from_columns(RUB, of_rows), _padded(tables), rubbing.time_step), np.einsum("fax,fx->fa", axes, contacts.force[contact])
 
 
 def rubbed(contacts: Contacts, chosen: Laws, rub: Rub, s: np.ndarray, places: np.ndarray, lag: np.ndarray, sticks: np.ndarray) -> Rubbed:
@@ -104,12 +98,11 @@ def _axes(contacts: Contacts, contact: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.stack([first, np.cross(normal, first)], axis=1))
 
 
-def _padded(tables: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Speeds (t, k), normal forces (t, q), forces (t, k, q) of all tables, and how many of each are meant (t, 2)."""
-    counts = np.array([own[2].shape for own in tables], dtype=np.int64).reshape(-1, 2)
-    most = counts.max(axis=0, initial=0)
-    speeds, normals, forces = np.zeros((len(tables), most[0])), np.zeros((len(tables), most[1])), np.zeros((len(tables), *most))
+def _padded(tables: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> np.ndarray:
+    """All tables as `Rub` has them, (t, 1 + k, 1 + q)."""
+    most = np.array([own[2].shape for own in tables], dtype=np.int64).reshape(-1, 2).max(axis=0, initial=0)
+    out = np.full((len(tables), 1 + most[0], 1 + most[1]), np.nan)
     for place, (speed, normal, force) in enumerate(tables):
-        speeds[place, : len(speed)], normals[place, : len(normal)] = speed, normal
-        forces[place, : len(speed), : len(normal)] = force
-    return speeds, normals, forces, counts
+        out[place, 1 : 1 + len(speed), 0], out[place, 0, 1 : 1 + len(normal)] = speed, normal
+        out[place, 1 : 1 + len(speed), 1 : 1 + len(normal)] = force
+    return out

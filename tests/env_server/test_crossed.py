@@ -1,4 +1,4 @@
-"""One cable is lowered on to another and lifted again, in the loop of the environment: they touch, or stick, and nothing is passed through."""
+"""One cable is lowered on to another and lifted again, in the environment's loop: they touch or stick, and pass through nothing."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def state_of(system: System, frames: np.ndarray, *, force: np.ndarray | None = N
 
 def look(system: System, state: State) -> tuple[State, View]:
     """The state with its contacts where they are nearest, and what follows from it."""
-    return numpy_path.look(system.rod, state, system.rod.touch.normal)
+    return numpy_path.look(system.rod, state, np.ascontiguousarray(system.rod.touch["normal"]))
 
 
 def lagrangian(system: System, state: State, turn: np.ndarray) -> float:
@@ -65,7 +65,7 @@ def bulges(system: System, state: State, view: View, bent: View) -> np.ndarray:
     """Bulge (m,) [m] under each contact where it now is, with the turns at the nodes as they are in `bent`."""
     out = np.zeros(len(view.gap))
     for row in np.flatnonzero(view.numbers[:, 0]).tolist():
-        j = int(system.rod.touch.element[row])
+        j = int(system.rod.touch["element"][row])
         turns = (geometry._turn.py_func(bent.axes, j + end, bent.normal[row]) for end in (0, 1))
         out[row] = geometry._bulge.py_func(state.fraction[row], system.mesh.lengths[j], *turns)[0]
     return out

@@ -66,7 +66,7 @@ def touching(case: str, turn: float) -> tuple[System, State]:
     rod = build(Problem(cable=cable(), grasps=span(), contacts=rows), (0.0, 0.0, 0.0), SEGMENTS)
     state = state_of(rod, frames)
     _, view = look(rod, state)
-    push = np.zeros(len(rod.rod.touch.element))
+    push = np.zeros(len(rod.rod.touch))
     push[int(np.argmin(view.gap))] = 2.0
     return rod, state._replace(push=push, touches=push > 0.0, force=np.array([0.1, 0.2, -0.3]))
 

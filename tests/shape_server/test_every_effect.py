@@ -353,13 +353,13 @@ def test_leaving_an_effect_out_leaves_out_its_unknowns(name: str) -> None:
         "bend_radius": len(rod.elastic.limit) > 0,
         "inclination": rod.held.inclined > 0,
         "self_contact": len(rod.strands.distance) > 0,
-        "contact": len(rod.touch.contact) > 0,
-        "friction": len(rod.rub.contact) > 0,
-        "bond": len(rod.held.element) > len(bare.held.element),
+        "contact": len(rod.touch) > 0,
+        "friction": len(rod.rub.rows) > 0,
+        "bond": len(rod.held.rows) > len(bare.held.rows),
     }
     assert added[name]
-    assert len(bare.touch.contact) == len(bare.give) == len(bare.elastic.smoothing) == len(bare.elastic.limit) == 0
-    assert len(bare.strands.distance) == bare.held.inclined == len(bare.rub.contact) == 0
+    assert len(bare.touch) == len(bare.give) == len(bare.elastic.smoothing) == len(bare.elastic.limit) == 0
+    assert len(bare.strands.distance) == bare.held.inclined == len(bare.rub.rows) == 0
     assert not bare.loads.any()
     assert not bare.elastic.bent.any()
-    assert len(bare.held.element) == 3
+    assert len(bare.held.rows) == 3

@@ -18,7 +18,7 @@ from shape_server.effects import friction as effect
 from shape_server.follower import Follower
 from shape_server.hard_cases.posing import ALONG_X, RADIUS, straight
 from shape_server.mesh import even
-from shape_server.rod import NO_RUB, Rub
+from shape_server.rod import RUB, Rub
 
 DT = 0.1  # s
 TABLE = FrictionTable(
@@ -35,18 +35,9 @@ EVERY = pytest.mark.parametrize("kind", list(LAWS))
 def rubs(count: int, kind: Friction, law: FrictionLaw) -> Rub:
     """Contacts with one law, for what depends on the law alone."""
     numbers = numbers_of(kind, law)
-    speeds, normals, forces, counts = effect._padded([] if numbers.table is None else [numbers.table])
-    return NO_RUB._replace(
-        element=np.zeros(count, dtype=np.int64),
-        coefficient=np.full(count, numbers.coefficient),
-        speed=np.full(count, numbers.speed),
-        table=np.full(count, -1 if numbers.table is None else 0, dtype=np.int64),
-        speeds=speeds,
-        normals=normals,
-        forces=forces,
-        counts=counts,
-        time_step=DT,
-    )
+    rows = np.zeros(count, dtype=RUB)
+    rows["coefficient"], rows["speed"], rows["table"] = numbers.coefficient, numbers.speed, -1 if numbers.table is None else 0
+    return Rub(rows, effect._padded([] if numbers.table is None else [numbers.table]), DT)
 
 
 def force(kind: Friction, speed: float, normal: float) -> float:
@@ -237,4 +228,5 @@ def test_meshes_find_the_same_point_of_the_cable() -> None:
     for segments in (16, 37):
         mesh = even(np.array([0.0, 1.0]), np.array([1.0]), segments)
         rub, _ = effect.rows(problem.contacts, chosen, mesh)
-        np.testing.assert_allclose(mesh.s[rub.element] + rub.fraction * mesh.lengths[rub.element], np.linspace(0, 1, 17), atol=1e-14)
+        own = rub.rows["element"]
+        np.testing.assert_allclose(mesh.s[own] + rub.rows["fraction"] * mesh.lengths[own], np.linspace(0, 1, 17), atol=1e-14)

@@ -126,7 +126,7 @@ def test_the_moment_at_a_clamp_is_the_work_of_its_turn(path: object) -> None:
     problem = Problem(cable=bent, grasps=grasps((0.0, np.zeros(3), first, Hold.CLAMP), (1.0, (0.5, 0.2, 0.1), last, Hold.CLAMP)))
     system = build(problem, GRAVITY, effects.asked_for(problem, GRAVITY), even(stops(problem), problem.grasps.s, 20))
     frames = Rotation.from_rotvec(np.cumsum(np.random.default_rng(4).normal(scale=0.2, size=(20, 3)), axis=0)).as_quat()
-    state, view = path.look(system.rod, system.start(frames), system.rod.touch.normal)
+    state, view = path.look(system.rod, system.start(frames), system.rod.touch["normal"])
     moments = path.section_forces(system.rod, state, view)[3]
     for clamp in range(2):
         for axis in range(3):
