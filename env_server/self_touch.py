@@ -1,9 +1,10 @@
 """Where a cable touches itself or another one, or may do so soon: local minima of the distance of segments from each other.
 
 Two places x < y of one polyline axis, or x of one and y of another, with D = r(x) - r(y), d = |D|, gap = d less both radii and normal
-n = D / d. For the cell of every node, from half a segment before it to half a segment after, is reported the place x within it and the place y for which d is least, for every
-local minimum along y (D . t >= 0 before y, <= 0 after it). At the ends of its cell x need be no minimum along the cable: the shape
-server's row of a cell takes over from that of the next as two strands slide on each other, and strands that lie side by side need them all.
+n = D / d. For the cell of every node, from half a segment before it to half a segment after, is reported the place x within it and the
+place y for which d is least, for every local minimum along y (D . t >= 0 before y, <= 0 after it). At the ends of its cell x need be no
+minimum along the cable: the shape server's row of a cell takes over from that of the next as two strands slide on each other, and strands
+that lie side by side need them all.
 
 Within each pair of half a segment and a segment d^2 is convex, so that no minimum is missed.
 
