@@ -113,11 +113,6 @@ class Control:
         return time.perf_counter() - begun
 
     @property
-    def is_paused(self) -> bool:
-        """Whether the run is to wait."""
-        return self._is_paused
-
-    @property
     def is_stopped(self) -> bool:
         """Whether the run was asked to stop."""
         return self._is_stopped

@@ -10,7 +10,7 @@ nodes (`remesh`). History is what a step starts from: the last shape and the con
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
@@ -65,7 +65,6 @@ class Loop:
         self._meter = Meter()
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
-        self._meanwhile: Callable[[], None] | None = None
         self._reach = Reach(REACH_MOST, REACH_MOST, REACH_MOST)
         self._now: Stepped | None = None
 
@@ -73,9 +72,8 @@ class Loop:
         """The shapes at the start, from the grasps alone."""
         return self._measured(0, self._stage.at_step(0), None)
 
-    def advance(self, step: int, meanwhile: Callable[[], None] | None = None) -> Stepped:
-        """The next time step; `first` must have been called. What is to be done `meanwhile` is done while the shape server thinks."""
-        self._meanwhile = meanwhile
+    def advance(self, step: int) -> Stepped:
+        """The next time step; `first` must have been called."""
         return self._measured(step, self._stage.at_step(step), self._now)
 
     def _measured(self, step: int, goal: Posture, before: Stepped | None) -> Stepped:
@@ -263,15 +261,12 @@ class Loop:
             self._stage.put(goal)
             self._collisions = self._stage.world.collisions()
         moved = time.perf_counter()
-        if self._meanwhile is not None:
-            due, self._meanwhile = self._meanwhile, None
-            due()
-        coded, done = self._asker.coding, time.perf_counter()
+        coded = self._asker.coding
         reply = self._asker.receive()
         self._meter.robot += moved - sent
         self._meter.solve += reply.busy
         trip = time.perf_counter() - begun - (self._asker.coding - coded)
-        self._meter.wire += max(0.0, trip - max(reply.busy, done - sent))
+        self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
         return reply.shapes, reply.crossings
 
     def _free_share(

@@ -18,7 +18,7 @@ REMEMBERED: Final = {
     "_collisions": "collisions",
     "_reach": "reach",
 }
-FORGOTTEN: Final = {"_stage", "_asker", "_session", "_meter", "_round", "_meanwhile"}  # given anew, or begun anew with every step
+FORGOTTEN: Final = {"_stage", "_asker", "_session", "_meter", "_round"}  # given anew, or begun anew with every step
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class Checkpoint:
     reach: Reach
 
 
-def checkpoint(loop: Loop, session: str, step: int, late: float) -> Checkpoint:
-    """What a loop has to remember; how long the journal is comes to it when the frame has been written."""
+def checkpoint(loop: Loop, session: str, step: int, late: float, size: int) -> Checkpoint:
+    """What a loop has to remember."""
     remembered: dict[str, Any] = {field: getattr(loop, name) for name, field in REMEMBERED.items()}
-    return Checkpoint(session=session, step=step, late=late, size=0, **remembered)
+    return Checkpoint(session=session, step=step, late=late, size=size, **remembered)
 
 
 def resume(loop: Loop, kept: Checkpoint) -> None:

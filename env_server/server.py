@@ -26,7 +26,7 @@ from .asking import Asker
 from .control import Control
 from .journal import Journal
 from .loop import Loop
-from .memory import Checkpoint, checkpoint, resume
+from .memory import Checkpoint, resume
 from .outlet import Outlet
 from .stage import Stage
 from .stepped import Stepped, shown, touch_points
@@ -75,6 +75,8 @@ class Run:
         scene_hash = hashlib.sha256(data).hexdigest()[:16]
         self._control = Control(control, scene_hash, silent=lambda: self._asker.silent, frame=frame, keys=keys)
         self._kernels = ""  # of the shape server, when it was greeted
+        self._sequence = 0
+        self._publishing = self._framed = 0.0  # s that the last frame took; on the bill of the next
         self._late = 0.0  # s of simulated time by which relaxations have held up the path
 
     @property
@@ -140,7 +142,7 @@ class Run:
     def _continued(self, loop: Loop, kept: Checkpoint) -> Stepped:
         """Where an earlier program was."""
         resume(loop, kept)
-        self._late = kept.late
+        self._late, self._sequence = kept.late, self._outlet.frames
         return kept.now
 
     def _set_up(self) -> Stage:
@@ -182,14 +184,12 @@ class Run:
         stepped, shapes = first, tuple(cable.shape for cable in first.cables)
         sentence, was_stopped, step, before = "", False, begin, first
         for step in range(begin, steps + 1):
+            wait = self._control.hold()
+            if self._control.is_stopped:
+                sentence, was_stopped = f"stopped before step {step} of {steps}", True
+                break
             try:
-                if self._control.is_paused:
-                    self._outlet.send_due()
-                wait = self._control.hold()
-                if self._control.is_stopped:
-                    sentence, was_stopped = f"stopped before step {step} of {steps}", True
-                    break
-                stepped = loop.advance(step, self._outlet.send_due) if step else first
+                stepped = loop.advance(step) if step else first
             except CablecosimError as error:
                 sentence = f"step {step} of {steps}: {error}"
                 break
@@ -204,21 +204,18 @@ class Run:
                 if sentence:
                     self._outlet.last(encode(frame))
                 else:
-                    self._outlet.step(frame, checkpoint(loop, self._session, step, self._late))
+                    self._outlet.step(encode(frame), loop, step, self._late)
             except RecordingError as error:
                 sentence = f"step {step} of {steps}: {error}"
                 break
+            self._has_sent()
             before = stepped
             self._control.report(step, steps, "running", "running")
             if sentence:
                 break
-        try:
-            self._outlet.send_due()
-        except RecordingError as error:
-            sentence = sentence or f"step {step} of {steps}: {error}"
         self._control.report(step, steps, "failed" if sentence else "finished", sentence or "finished")
-        finished = Finished(session=self._session, frames=self._outlet.sent, failed=bool(sentence), sentence=sentence or "finished")
-        self._outlet.end(encode(finished))
+        finished = Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")
+        self._outlet.last(encode(finished))
         return "" if was_stopped else sentence
 
     def _relax(self, stage: Stage, before: Stepped, after: Stepped, step: int) -> None:
@@ -234,8 +231,14 @@ class Run:
             self._late = late + begun + moment.time - moment.stepped.posture.time
             shapes = tuple(cable.shape for cable in moment.stepped.cables)
             self._outlet.between(encode(self._frame(stage, moment.stepped, shapes, -1, 0.0, relaxing=moment.share)))
+            self._has_sent()
         self._late = late + max(0.0, found[0] - (after.posture.time - begun))
         stage.put(after.posture)
+
+    def _has_sent(self) -> None:
+        """Count a frame, and put what it took on the next bill."""
+        self._sequence += 1
+        self._publishing = time.perf_counter() - self._framed
 
     def _frame(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float, *, relaxing: float = 0.0) -> Frame:
         begun = time.perf_counter()
@@ -250,17 +253,17 @@ class Run:
                 if gripper.arm is not None:
                     wrenches[gripper.arm] = -shape.grasp_wrenches[row]
         torque_ratio = stage.torque_ratio(wrenches, posture)
-        worked = time.perf_counter()
+        worked = self._framed = time.perf_counter()
         bill = msgspec.structs.replace(
             stepped.bill,
             robot=stepped.bill.robot + worked - begun,
-            encode=stepped.bill.encode + self._outlet.spent,
+            encode=stepped.bill.encode + self._publishing,
             wait=wait,
-            total=stepped.bill.total + worked - begun,
+            total=stepped.bill.total + worked - begun + self._publishing,
         )
         return Frame(
             session=self._session,
-            sequence=self._outlet.sent,
+            sequence=self._sequence,
             time=posture.time + self._late,
             move=stage.path.move_at(posture.time),
             picture=scene.pictures[key].name if key is not None else "",

@@ -71,9 +71,13 @@ class Watch:
             return
         silence = self._keeper.silence if size > 0 else max(FIRST, self._keeper.silence)
         is_behind = size <= 0 or self._step > self._step_then or is_over
-        if is_behind and min(now - self._grown, self._keeper.age(name)) > silence and not _is_complete(file):
-            self._keeper.replace(name, f"recorded nothing for {silence:g} s")
-            self._grown = now
+        if not is_behind or min(now - self._grown, self._keeper.age(name)) <= silence:
+            return
+        if _is_complete(file):
+            self._file = None  # from here on it draws
+            return
+        self._keeper.replace(name, f"recorded nothing for {silence:g} s")
+        self._grown = now
 
 
 def _is_complete(file: Path) -> bool:

@@ -117,18 +117,21 @@ def _relaxed(task: Task, system: System, begin: State) -> Settled:
     of twist are asked for, those that it has kept come first (`link`).
     """
     expected, spent = system.twist(task.path, begin.frames), 0
-    known = list[tuple[int, float, Settled]]()
+    known = list[tuple[int, Settled]]()
     for way in _ways(task, system):
         found = way(begin)
         spent += found.iterations
         if found.is_converged and found.is_stable:
             is_slipped = abs(system.twist(task.path, found.state.frames) - expected) >= SLIP
             missing = abs(link.shed(task, system, begin, found)) if is_slipped and any(task.problem.turns) else 0
-            known.append((missing, _energy(task, system, found), found))
+            known.append((missing, found))
             if not is_slipped or (any(task.problem.turns) and not missing):
                 break
-    best = min(known, key=lambda item: item[:2])[2] if known else found
-    return best._replace(iterations=spent)
+    if len(known) > 1:
+        found = min(known, key=lambda item: (item[0], _energy(task, system, item[1])))[1]
+    elif known:
+        found = known[0][1]
+    return found._replace(iterations=spent)
 
 
 def _ways(task: Task, system: System) -> Iterator[Callable[[State], Settled]]:

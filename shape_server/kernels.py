@@ -18,8 +18,8 @@ from .drag import drag_limit as drag_limit
 from .drag import normal_forces as normal_forces
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
-from .equilibrium import _advance as advance
-from .equilibrium import _worst_miss as worst_miss
+from .equilibrium import advance as advance
+from .equilibrium import worst_miss as worst_miss
 from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
