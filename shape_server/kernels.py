@@ -19,10 +19,10 @@ from .drag import normal_forces as normal_forces
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
 from .equilibrium import advance as advance
-from .equilibrium import worst_miss as worst_miss
 from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
+from .equilibrium import worst_miss as worst_miss
 from .half_cells import lacking as lacking
 from .half_cells import mend as mend
 from .inclined import add_couples as add_couples
