@@ -12,23 +12,24 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from protocol.effects import table_of
 from protocol.kinds import Outcome
-from protocol.messages import Grasps, Problem, Shape, ShapeRequest
+from protocol.messages import CrossingReactions, Crossings, Grasps, Problem, Shape, ShapeRequest
 
-from . import remesh
+from . import looking, remesh
 from .asking import Asker
-from .first_touch import sides, with_first_touches, within
-from .hanging import Hanging, Near, accepted, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
-from .self_boundary import meet
+from .crossed import Crossed
+from .first_touch import with_first_touches, within
+from .hanging import Hanging, accepted, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
+from .looking import Reach
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
 from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion, slipped_through
-from .touch import Candidates
 
 ROUNDS_MAX: Final = 12
 ROUNDS_JUMP: Final = 60  # when a cable snaps to another posture, its contacts give way one after the other
@@ -44,9 +45,15 @@ class _Try:
     """What one attempt at a step came to."""
 
     cables: tuple[Hanging, ...] = ()
+    crossed: Crossed | None = None
     rounds: int = 0
     is_settled: bool = False
     may_have_passed: bool = False
+
+    @property
+    def has_shapes(self) -> bool:
+        """Whether every cable has one."""
+        return all(cable.shape.outcome is Outcome.CONVERGED for cable in self.cables)
 
 
 class Loop:
@@ -60,7 +67,7 @@ class Loop:
         self._meter = Meter()
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
-        self._reach = self._reach_links = self._reach_own = REACH_MOST
+        self._reach = Reach(REACH_MOST, REACH_MOST, REACH_MOST)
         self._now: Stepped | None = None
 
     def first(self) -> Stepped:
@@ -84,17 +91,18 @@ class Loop:
         self._round = 0
         if before is not None:
             before = self._with_fewer_nodes(before)
-        posture, cables, rounds = self._go(step, goal, before, 0)
-        while before is not None and remesh.are_too_coarse([cable.shape for cable in cables], self._stage.tolerance):
-            before = self._with_more_nodes(before, cables)
-            reached, again, more = self._go(step, goal, before, 0)
-            rounds += more
-            if any(cable.shape.outcome is not Outcome.CONVERGED for cable in again):
+        posture, done = self._go(step, goal, before, 0)
+        while before is not None and remesh.are_too_coarse([cable.shape for cable in done.cables], self._stage.tolerance):
+            before = self._with_more_nodes(before, done.cables)
+            reached, again = self._go(step, goal, before, 0)
+            again.rounds += done.rounds
+            if not again.has_shapes:
+                done.rounds = again.rounds
                 break
-            posture, cables = reached, again
+            posture, done = reached, again
         bill = self._meter.bill(encode=self._asker.coding - coded, total=time.perf_counter() - begun)
-        stepped = Stepped(posture, cables, rounds, self._collisions, bill)
-        if all(cable.shape.outcome is Outcome.CONVERGED for cable in cables):
+        stepped = Stepped(posture, done.cables, done.rounds, self._collisions, bill, done.crossed)
+        if done.has_shapes:
             self._now = stepped
         return stepped
 
@@ -119,25 +127,29 @@ class Loop:
 
     def _on(self, index: int, shape: Shape, was: Hanging, posture: Posture) -> Hanging:
         """A cable on other nodes, with what is near it there."""
-        begun, found = time.perf_counter(), self._search(index, shape, posture, None)
+        begun, found = time.perf_counter(), looking.near(self._stage, index, shape, posture, None, self._reach)
         self._meter.search += time.perf_counter() - begun
         return Hanging(shape, was.boundary, *found)
 
-    def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, tuple[Hanging, ...], int]:
+    def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, _Try]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
         is_outrun = before is not None and depth < HALVINGS_MOST and self._is_outrun(before, goal)
         is_last = before is None or (depth >= HALVINGS_MAX and not is_outrun)
         done = _Try() if is_outrun else self._try(step, goal, before, may_jump=is_last)
         if before is None or is_last:
-            return goal, done.cables if done.is_settled else unsettled(done.cables, UNSETTLED), done.rounds
+            done.cables = done.cables if done.is_settled else unsettled(done.cables, UNSETTLED)
+            return goal, done
         if done.is_settled and not done.may_have_passed:
-            return goal, done.cables, done.rounds
+            return goal, done
         middle = self._stage.between(0.5 * (before.posture.time + goal.time), before.posture.joints)
-        posture, cables, rounds = self._go(step, middle, before, depth + 1)
-        if any(cable.shape.outcome is not Outcome.CONVERGED for cable in cables):
-            return posture, cables, done.rounds + rounds
-        posture, cables, more = self._go(step, goal, replace(before, posture=posture, cables=cables), depth + 1)
-        return posture, cables, done.rounds + rounds + more
+        posture, first = self._go(step, middle, before, depth + 1)
+        first.rounds += done.rounds
+        if not first.has_shapes:
+            return posture, first
+        half = replace(before, posture=posture, cables=first.cables, crossed=first.crossed)
+        posture, second = self._go(step, goal, half, depth + 1)
+        second.rounds += first.rounds
+        return posture, second
 
     def _try(self, step: int, goal: Posture, before: Stepped | None, *, may_jump: bool) -> _Try:
         """Rounds of the boundary conditions at one posture; given up early if a body may have been passed, unless it may jump."""
@@ -146,12 +158,14 @@ class Loop:
         cables = self._begin(goal, before, grasps)
         # Where the cables were last known to be on the right side of every body, and the bodies' posture then.
         anchor = before.cables if before is not None else None
+        crossed = anchor_crossed = self._begin_crossed(before)
         done_at = before.posture if before is not None else goal
         has_moved_robot = False
         while done.rounds < (ROUNDS_JUMP if may_jump else ROUNDS_MAX):
             done.rounds += 1
             problems = self._problems(goal, cables, grasps)
-            shapes = self._ask(step, problems, goal, has_moved_robot=has_moved_robot)
+            asked = crossed.asked([was.shape for was in cables if was is not None]) if crossed is not None else None
+            shapes, reactions = self._ask(step, problems, asked, goal, has_moved_robot=has_moved_robot)
             has_moved_robot = True
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):
                 done.cables = tuple(
@@ -165,15 +179,19 @@ class Loop:
             for index, (was, shape, problem) in enumerate(zip(cables, shapes, problems, strict=True)):
                 boundary = was.boundary if was is not None else self._stage.untouched(index)
                 boundary = boundary.after(problem.contacts, shape, goal.surfaces)
-                now = Hanging(shape, boundary, *self._search(index, shape, goal, was))
-                done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach), shape.s)
+                now = Hanging(shape, boundary, *looking.near(self._stage, index, shape, goal, was, self._reach))
+                done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach.bodies), shape.s)
                 done.is_settled &= now.own is None or now.own.is_settled(problem.self_contacts, shape)
                 hanging.append(now)
-            share = self._free_share(anchor, done_at, goal, hanging)
+            if crossed is not None:
+                crossed = crossed.after(asked, reactions).looked(shapes, self._reach.own)
+                done.is_settled &= crossed.is_settled(asked, shapes)
+            share = self._free_share(anchor, anchor_crossed, done_at, goal, hanging)
             done.may_have_passed = share < 1.0
             if anchor is not None and share < 1.0 and may_jump:
                 hanging = [self._part_way(*item, share, goal) for item in enumerate(zip(anchor, hanging, grasps, strict=True))]
                 done.is_settled = False
+                crossed = crossed.looked([cable.shape for cable in hanging], self._reach.own) if crossed is not None else None
             self._meter.search += time.perf_counter() - begun
             cables = done.cables = tuple(hanging)
             if done.is_settled or (done.may_have_passed and not may_jump):
@@ -181,14 +199,26 @@ class Loop:
             if self._stage.may_bond and anchor is None:
                 done.cables = within(done.cables)
                 break
-            touched = with_first_touches(anchor, cables, grasps, (done_at, goal), self._look) if self._stage.may_bond and anchor else None
+            touched = (
+                with_first_touches(anchor, cables, grasps, (done_at, goal), partial(looking.touching, self._stage))
+                if self._stage.may_bond and anchor
+                else None
+            )
             if touched is None:
-                anchor, done_at = done.cables, goal
+                anchor, anchor_crossed, done_at = done.cables, crossed, goal
             cables = touched or cables  # again from where nothing was touched yet
         done.is_settled &= before is None or not slipped_through(before.cables, done.cables)
         if done.is_settled:
             done.cables = accepted(done.cables, [problem.contacts for problem in problems], goal.surfaces, goal.time)
+            crossed = crossed.accepted(done.cables) if crossed is not None else None
+        done.crossed = crossed
         return done
+
+    def _begin_crossed(self, before: Stepped | None) -> Crossed | None:
+        """Where cables meet each other to begin with, on the nodes that they have now."""
+        if before is None or before.crossed is None:
+            return self._stage.crossed
+        return before.crossed.looked([cable.shape for cable in before.cables], self._reach.own)
 
     def _problems(self, goal: Posture, cables: Sequence[Hanging | None], grasps: list[Grasps]) -> tuple[Problem, ...]:
         """What to ask the shape server: every cable with its present boundary conditions."""
@@ -197,7 +227,7 @@ class Loop:
         for cable, grasp, was in zip(self._stage.scene.cables, grasps, cables, strict=True):
             contacts = None
             if was is not None:
-                contacts = was.boundary.contacts(joined(was, count, self._reach), was.shape.s, goal.surfaces, goal.time)
+                contacts = was.boundary.contacts(joined(was, count, self._reach.bodies), was.shape.s, goal.surfaces, goal.time)
             start, own = start_of(was), meetings(was)
             problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start, self_contacts=own, effects=self._effects))
         self._meter.search += time.perf_counter() - begun
@@ -212,13 +242,15 @@ class Loop:
         have_moved = not np.array_equal(before.posture.surfaces[:count], goal.surfaces[:count])
         for index, (cable, grasp) in enumerate(zip(before.cables, grasps, strict=True)):
             boundary = cable.boundary.drawn_through(grasp, goal.surfaces)
-            links = self._search_links(index, cable.shape, goal, cable) if len(cable.links.body) else cable.links
-            bodies = self._search_bodies(index, cable.shape, goal, cable) if have_moved else cable.bodies
+            links = looking.near_links(self._stage, index, cable.shape, goal, cable, self._reach) if len(cable.links.body) else cable.links
+            bodies = looking.near_bodies(self._stage, index, cable.shape, goal, cable, self._reach) if have_moved else cable.bodies
             cables.append(replace(cable, boundary=boundary, bodies=bodies, links=links))
         self._meter.search += time.perf_counter() - begun
         return cables
 
-    def _ask(self, step: int, problems: tuple[Problem, ...], goal: Posture, *, has_moved_robot: bool) -> tuple[Shape, ...]:
+    def _ask(
+        self, step: int, problems: tuple[Problem, ...], asked: Crossings | None, goal: Posture, *, has_moved_robot: bool
+    ) -> tuple[tuple[Shape, ...], CrossingReactions | None]:
         """Ask the shape server, and move the robot while it thinks."""
         scene = self._stage.scene
         request = ShapeRequest(
@@ -229,6 +261,7 @@ class Loop:
             tolerance=scene.tolerance,
             problems=problems,
             extrapolate=False,
+            crossings=asked,
         )
         self._round += 1
         begun = time.perf_counter()
@@ -244,51 +277,18 @@ class Loop:
         self._meter.solve += reply.busy
         trip = time.perf_counter() - begun - (self._asker.coding - coded)
         self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
-        return reply.shapes
+        return reply.shapes, reply.crossings
 
-    def _search(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Near:
-        """Places within reach on the bodies, on the robot's links, and on the cable itself."""
-        own = meet(self._stage.scene.cables[index], shape, self._reach_own)
-        return self._search_bodies(index, shape, goal, previous), self._search_links(index, shape, goal, previous), own
-
-    def _search_bodies(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
-        """Places within reach on the bodies."""
-        return self._stage.touch_bodies.search(
-            shape.nodes,
-            goal.surfaces[: self._stage.body_count],
-            0.5 * self._stage.scene.cables[index].diameter,
-            self._reach,
-            cable=index,
-            previous=sides(previous) if previous is not None else None,
-        )
-
-    def _look(self, index: int, nodes: np.ndarray, poses: np.ndarray) -> Candidates:
-        """Places on the bodies that a cable on its way touches."""
-        count = self._stage.body_count
-        return self._stage.touch_bodies.search(nodes, poses[:count], 0.5 * self._stage.scene.cables[index].diameter, 0.0)
-
-    def _search_links(self, index: int, shape: Shape, goal: Posture, previous: Hanging | None) -> Candidates:
-        """Places within reach on the robot's links."""
-        cable = self._stage.scene.cables[index]
-        return self._stage.touch_links.search(
-            shape.nodes,
-            goal.surfaces[self._stage.body_count :],
-            0.5 * cable.diameter,
-            self._reach_links,
-            cable=index,
-            excluded=self._stage.excluded(cable.name, shape.s),
-            previous=previous.links if previous is not None else None,
-        )
-
-    def _free_share(self, anchor: Sequence[Hanging] | None, at: Posture, goal: Posture, after: Sequence[Hanging]) -> float:
+    def _free_share(
+        self, anchor: Sequence[Hanging] | None, crossed: Crossed | None, at: Posture, goal: Posture, after: Sequence[Hanging]
+    ) -> float:
         """Share of the way from the anchor that surely passes no body; 1 if no segment went further than its distance to one."""
         if anchor is None:
             return 1.0
         rigid = rigid_motion(self._stage, at, goal, anchor)
-        share, farthest = free_share(rigid, anchor, after)
-        self._reach_own = max(REACH_LEAST, 2 * AHEAD * farthest)
-        self._reach = float(np.clip(AHEAD * (farthest + rigid.bodies), REACH_LEAST, REACH_MOST))
-        self._reach_links = max(self._reach, AHEAD * (farthest + rigid.links))
+        share, farthest = free_share(rigid, anchor, after, crossed)
+        bodies = float(np.clip(AHEAD * (farthest + rigid.bodies), REACH_LEAST, REACH_MOST))
+        self._reach = Reach(bodies, max(bodies, AHEAD * (farthest + rigid.links)), max(REACH_LEAST, 2 * AHEAD * farthest))
         return share
 
     def _is_outrun(self, before: Stepped, goal: Posture) -> bool:
@@ -299,5 +299,5 @@ class Loop:
         """A cable as far on its way as surely passes no body, with what is near it there."""
         was, now, grasps = item
         shape = part_way(was.shape, now.shape, max(0.8 * share, least_share(was, now.shape, LEAST_SHARE)), grasps)
-        self._reach = REACH_MOST
-        return Hanging(shape, now.boundary, *self._search(index, shape, goal, was))
+        self._reach = replace(self._reach, bodies=REACH_MOST)
+        return Hanging(shape, now.boundary, *looking.near(self._stage, index, shape, goal, was, self._reach))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
+from .looking import Reach
 from .loop import Loop
 from .stepped import Stepped
 
@@ -16,8 +17,6 @@ REMEMBERED: Final = {
     "_now": "now",
     "_collisions": "collisions",
     "_reach": "reach",
-    "_reach_links": "reach_links",
-    "_reach_own": "reach_own",
 }
 FORGOTTEN: Final = {"_stage", "_asker", "_session", "_meter", "_round"}  # given anew, or begun anew with every step
 
@@ -32,9 +31,7 @@ class Checkpoint:
     size: int  # bytes of the journal up to the frame of this step
     now: Stepped
     collisions: tuple[tuple[str, str], ...]
-    reach: float  # m
-    reach_links: float  # m
-    reach_own: float  # m
+    reach: Reach
 
 
 def checkpoint(loop: Loop, session: str, step: int, late: float, size: int) -> Checkpoint:

@@ -38,21 +38,15 @@ class Meeting:
         Args:
             s: (n,) [m] Arc length of the nodes that the candidates refer to.
         """
-        found, pushes = self.candidates, _places(self.reactions.s, s)
+        found = self.candidates
         if not len(found.gap):
             return None
-        force = np.zeros((len(found.gap), 3))
-        for row in np.flatnonzero((self.reactions.force != 0.0).any(axis=1)).tolist():
-            away = np.abs(found.place - pushes[row]).max(axis=1)
-            nearest = int(np.argmin(np.where(found.normal @ self.reactions.force[row] > 0.0, away, np.inf)))
-            if away[nearest] < SAME_PLACE:
-                force[nearest] += np.linalg.norm(self.reactions.force[row]) * found.normal[nearest]
         return SelfContacts(
             s=np.interp(found.place, np.arange(len(s)), s),
             kind=np.full(len(found.gap), int(SelfTouch.CONTACT)),
             normal=np.array(found.normal),
             distance=np.full(len(found.gap), 2.0 * self.radius),
-            force=force,
+            force=handed_on(found, places_of(self.reactions.s, s), self.reactions.force),
         )
 
     def is_settled(self, asked: SelfContacts | None, shape: Shape) -> bool:
@@ -61,18 +55,10 @@ class Meeting:
         The server's axis is smooth, and runs by up to kappa h^2 / 8 inside the polygon that is searched here, on both strands: with a row
         they may seem to be in each other by that.
         """
-        found, cell = self.candidates, np.zeros(0)
-        rows = np.zeros((0, 2))
-        if asked is not None:
-            cell, rows = np.round(_places(asked.s[:, 0], shape.s)), _places(self.reactions.s, shape.s)
-        for place in np.flatnonzero(found.gap < -DEPTH_OK).tolist():
-            same = (cell == np.round(found.place[place, 0])) & (np.abs(rows[:, 1] - found.place[place, 1]) < SAME_PLACE)
-            if not same.any():
-                return False
-            assert asked is not None
-            if (asked.normal[same] @ found.normal[place]).max() < SAME_SIDE:
-                return False
-        return True
+        if asked is None:
+            return bool((self.candidates.gap >= -DEPTH_OK).all())
+        cell, rows = np.round(places_of(asked.s[:, 0], shape.s)), places_of(self.reactions.s, shape.s)
+        return all_have_rows(self.candidates, cell, rows, asked.normal)
 
     def free_share(self, moved: np.ndarray) -> float:
         """Share of the way, by `moved` (n-1,) [m] for every segment, that surely takes no two strands through each other."""
@@ -87,13 +73,40 @@ def meet(cable: Cable, shape: Shape, room: float) -> Meeting | None:
         shape: With what it did to itself.
         room: [m] Gap up to which it may move without a look; places within `NEAR` radii are handed to the shape server.
     """
-    if cable.self_interaction is not SelfInteraction.CONTACT:
+    if cable.self_interaction not in (SelfInteraction.CONTACT, SelfInteraction.BOND):
         return None
     radius = 0.5 * cable.diameter
     reactions = shape.self_reactions if shape.self_reactions is not None else NO_REACTIONS
     return Meeting(radius, search(shape.nodes, shape.s, radius, NEAR * radius, max(room, NEAR * radius)), reactions)
 
 
-def _places(arc_lengths: np.ndarray, s: np.ndarray) -> np.ndarray:
+def handed_on(found: SelfCandidates, places: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Forces (m, 3) [N] of places to start from: those (p, 3) [N] that acted at `places` (p, 2), each for the nearest place of now."""
+    out = np.zeros((len(found.gap), 3))
+    for row in np.flatnonzero((forces != 0.0).any(axis=1)).tolist() if len(out) else ():
+        away = np.abs(found.place - places[row]).max(axis=1)
+        nearest = int(np.argmin(np.where(found.normal @ forces[row] > 0.0, away, np.inf)))
+        if away[nearest] < SAME_PLACE:
+            out[nearest] += np.linalg.norm(forces[row]) * found.normal[nearest]
+    return out
+
+
+def all_have_rows(found: SelfCandidates, cell: np.ndarray, rows: np.ndarray, normal: np.ndarray) -> bool:
+    """Whether every place where strands are in each other had a row of its cell, and none is on the other side of it.
+
+    Args:
+        found: Places.
+        cell: (k,) Of the rows.
+        rows: (k, 2) Where their places have slid to.
+        normal: (k, 3) With which they were asked about.
+    """
+    for place in np.flatnonzero(found.gap < -DEPTH_OK).tolist():
+        same = (cell == np.round(found.place[place, 0])) & (np.abs(rows[:, 1] - found.place[place, 1]) < SAME_PLACE)
+        if not same.any() or (normal[same] @ found.normal[place]).max() < SAME_SIDE:
+            return False
+    return True
+
+
+def places_of(arc_lengths: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Places [segments from the start] of arc lengths [m]."""
     return np.asarray(np.interp(arc_lengths, s, np.arange(len(s))))

@@ -282,6 +282,7 @@ class Run:
             torque_ratio=torque_ratio,
             bill=bill,
             relaxation=relaxing,
+            crossing=stepped.crossed.pushes if stepped.crossed is not None else None,
         )
 
     def _trouble(self, stepped: Stepped) -> str:

@@ -22,6 +22,7 @@ from protocol.scene import Gripper, Scene
 
 from .anchors import laws_of
 from .boundary import Boundary
+from .crossed import crossed_of
 from .meshes import Mesh, load_body, place_clips
 from .motion import Path, cable_frames
 from .remesh import tolerance_of
@@ -86,6 +87,7 @@ class Stage:
         self.bonding = np.array([body.friction is Friction.BOND for body in scene.bodies] + [False] * len(self._link_rows), dtype=bool)
         self.tolerance: Final = tolerance_of(scene)
         self.may_bond: Final = bool(self.bonding.any()) and any(cable.bending is None for cable in scene.cables)
+        self.crossed: Final = crossed_of(scene.cables)
         self.laws = laws_of(scene.bodies, len(self.bonding))
         fixed = [body.inclination is Inclination.FIXED for body in scene.bodies] + [False] * len(self._link_rows)
         self.inclined = np.array(fixed, dtype=bool) if any(fixed) else None

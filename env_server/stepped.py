@@ -10,6 +10,7 @@ import numpy as np
 from protocol.kinds import Outcome
 from protocol.messages import Bill, Shape, TouchPoints
 
+from .crossed import Crossed
 from .hanging import Hanging
 from .stage import Posture, Stage
 
@@ -37,6 +38,7 @@ class Stepped:
     rounds: int
     collisions: tuple[tuple[str, str], ...]
     bill: Bill
+    crossed: Crossed | None = None  # what the cables do to each other; None where all pass through each other
 
 
 def touch_points(stage: Stage, stepped: Stepped) -> TouchPoints:

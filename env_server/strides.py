@@ -19,6 +19,7 @@ import numpy as np
 
 from protocol.messages import Shape
 
+from .crossed import Crossed
 from .hanging import Hanging
 from .poses import moves
 from .stage import Posture, Stage
@@ -70,17 +71,21 @@ def outruns(rigid: Rigid, cables: Sequence[Hanging]) -> bool:
     )
 
 
-def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging]) -> tuple[float, float]:
-    """Share of the way that surely passes no body and no other part of the cable, at most 1, and how far the furthest node goes [m]."""
-    farthest, share = 0.0, 1.0
+def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging], crossed: Crossed | None = None) -> tuple[float, float]:
+    """Share of the way that surely passes no body, cable or strand, at most 1, and how far the furthest node goes [m].
+
+    `crossed` says how near the cables were to each other.
+    """
+    farthest, share, moved = 0.0, 1.0, []
     for before, after in zip(was, now, strict=True):
         segment = np.maximum(_motion(before.shape, after.shape), 1e-12)
         farthest = max(farthest, float(segment.max()))
+        moved.append(segment)
         for clearance, motion in ((before.bodies.clearance, rigid.bodies), (before.links.clearance, rigid.links)):
             share = min(share, float(((clearance - motion) / segment).min()))
         if before.own is not None:
             share = min(share, before.own.free_share(segment))
-    return share, farthest
+    return share if crossed is None else min(share, crossed.free_share(moved)), farthest
 
 
 def slipped_through(was: Sequence[Hanging], now: Sequence[Hanging]) -> bool:

@@ -101,10 +101,8 @@ def cable_mistakes(cable: Cable) -> Iterator[tuple[str, str]]:
     kind = cable.self_interaction
     if kind is not SelfInteraction.TRANSPARENT and cable.bending is None:
         yield "self_interaction", f"self_interaction: '{kind.value}' needs a cable with 'bending' and 'twist'; give it both"
-    if kind is SelfInteraction.BOND:
-        yield "self_interaction", "self_interaction: 'bond' is not built; there are 'transparent', 'fictitious' and 'contact'"
-    if kind is SelfInteraction.CONTACT and cable.stretch is not None:
-        yield "self_interaction", "self_interaction: 'contact' of a cable that stretches is not built; leave out 'stretch'"
+    if kind in (SelfInteraction.CONTACT, SelfInteraction.BOND) and cable.stretch is not None:
+        yield "self_interaction", f"self_interaction: '{kind.value}' of a cable that stretches is not built; leave out 'stretch'"
     if kind is SelfInteraction.FICTITIOUS and cable.bend_radius is None:
         yield "self_interaction", "self_interaction: 'fictitious' needs 'bend_radius', the least radius to which the cable bends; give it"
     if cable.natural_curvature is not None and not all(abs(value) < CURVATURE_MAX for value in cable.natural_curvature):

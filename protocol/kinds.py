@@ -24,18 +24,19 @@ RUBS: Final = (2, 3, 4)
 
 
 class SelfInteraction(Enum):
-    """What becomes of a cable where it meets itself."""
+    """What becomes of a cable where it meets itself, or another cable of the same kind."""
 
     TRANSPARENT = "transparent"  # nothing: it passes through
-    BOND = "bond"  # the two points stick; not built
+    BOND = "bond"  # the two points stick where they first touch
     FICTITIOUS = "fictitious"  # it passes through, but bends no tighter than its bend radius, as if around an obstacle
     CONTACT = "contact"  # one-sided, without friction
 
 
 class SelfTouch(IntEnum):
-    """How two places of one cable meet: the codes of `SelfContacts.kind`."""
+    """How two places of one cable or of two meet: the codes of `SelfContacts.kind` and `Crossings.kind`."""
 
     CONTACT = 0  # one-sided; both places slide to where they are nearest, the first within half a segment of its node
+    BOND = 1  # both surfaces stick together at a point, about which they turn; among crossings only
 
 
 class Inclination(Enum):

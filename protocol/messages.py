@@ -14,7 +14,11 @@ from .checks import EXTENT_MAX as EXTENT_MAX
 from .checks import GRASPS_MAX as GRASPS_MAX
 from .checks import HUGE as HUGE
 from .checks import NODES_MAX as NODES_MAX
-from .checks import check_count, check_floats, check_integers, check_quaternions
+from .checks import check_count, check_floats, check_quaternions
+from .crossings import CablePoints as CablePoints
+from .crossings import CrossingReactions as CrossingReactions
+from .crossings import Crossings as Crossings
+from .crossings import check_crossings
 from .effects import Predicted as Predicted
 from .errors import MessageError
 from .parts import Contacts as Contacts
@@ -27,6 +31,7 @@ from .parts import SelfContacts as SelfContacts
 from .parts import SelfReactions as SelfReactions
 from .parts import Shape as Shape
 from .parts import Start as Start
+from .parts import TouchPoints as TouchPoints
 from .rubbing import FrictionLaw as FrictionLaw
 from .rubbing import FrictionTable as FrictionTable
 from .rubbing import Rubbed as Rubbed
@@ -50,6 +55,7 @@ class ShapeRequest(Message, frozen=True):
     budget: float | None = None  # s, for each cable: the best answer within that time, in place of the tolerance
     extrapolate: bool = True  # whether nodes may combine two meshes to fourth order; not for a shape that the next starts from
     margin: bool = False  # whether the stability margin is wanted too
+    crossings: Crossings | None = None  # where cables touch each other, or one sticks to itself; every cable in it has a start
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -62,6 +68,8 @@ class ShapeRequest(Message, frozen=True):
             raise MessageError(f"budget: {self.budget!r} s must be positive and finite", key="budget")
         if not all(abs(value) < 1e4 for value in self.gravity):
             raise MessageError(f"gravity: {list(self.gravity)} m/s^2 must be finite and below 1e4", key="gravity")
+        if self.crossings is not None:
+            check_crossings(self.crossings, tuple(problem.cable.length for problem in self.problems))
 
 
 class ShapeReply(Message, frozen=True):
@@ -72,6 +80,7 @@ class ShapeReply(Message, frozen=True):
     round: int
     shapes: tuple[Shape, ...]
     busy: float  # s, from receipt of the request to this reply, without encoding
+    crossings: CrossingReactions | None = None  # none without crossings in the request, or without all shapes
 
 
 class Beat(Message, frozen=True):
@@ -208,25 +217,6 @@ class Bill(Part, frozen=True):
     total: float  # the whole step; less than the sum, for the robot moves while the shape server thinks
 
 
-class TouchPoints(Part, frozen=True):
-    """Contacts that carry a force in a frame, one row each."""
-
-    cable: np.ndarray  # (c,) int, index of the cable
-    body: np.ndarray  # (c,) int, index into the snapshot's solids
-    s: np.ndarray  # (c,) m, arc length on the cable
-    point: np.ndarray  # (c, 3) m, on the body
-    force: np.ndarray  # (c, 3) N, on the cable
-
-    def __post_init__(self) -> None:
-        """Check shapes and ranges."""
-        count = len(self.s)
-        check_floats("touching.s", self.s, (count,), EXTENT_MAX)
-        check_floats("touching.point", self.point, (count, 3), EXTENT_MAX)
-        check_floats("touching.force", self.force, (count, 3), HUGE)
-        check_integers("touching.cable", self.cable, count, 0, GRASPS_MAX)
-        check_integers("touching.body", self.body, count, -1, 10_000)
-
-
 class Frame(Message, frozen=True):
     """One time step as it ended: for looking and for the record."""
 
@@ -247,6 +237,7 @@ class Frame(Message, frozen=True):
     torque_ratio: float  # largest static joint torque over its limit; 0 without a robot
     bill: Bill
     relaxation: float = 0.0  # share of the time from one equilibrium to the next that has passed; 0 for an equilibrium
+    crossing: CablePoints | None = None  # none in a scene whose cables pass through each other
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""

@@ -104,7 +104,7 @@ class SelfContacts(Part, frozen=True):
         """Check shapes and ranges."""
         count = len(self.s)
         check_count("self_contacts", count, CONTACTS_MAX)
-        check_integers("self_contacts.kind", self.kind, count, 0, len(SelfTouch) - 1)
+        check_integers("self_contacts.kind", self.kind, count, SelfTouch.CONTACT, SelfTouch.CONTACT)
         check_floats("self_contacts.s", self.s, (count, 2), EXTENT_MAX)
         check_floats("self_contacts.normal", self.normal, (count, 3), EXTENT_MAX)
         check_floats("self_contacts.distance", self.distance, (count,), EXTENT_MAX)
@@ -271,3 +271,22 @@ class Shape(Part, frozen=True):
             check_floats(f"shape.{name}", getattr(self, name), shape, most)
         check_quaternions("shape.frames", self.frames, segments)
         check_count("shape.predicted", len(self.predicted), len(CHOOSABLE))
+
+
+class TouchPoints(Part, frozen=True):
+    """Contacts that carry a force in a frame, one row each."""
+
+    cable: np.ndarray  # (c,) int, index of the cable
+    body: np.ndarray  # (c,) int, index into the snapshot's solids
+    s: np.ndarray  # (c,) m, arc length on the cable
+    point: np.ndarray  # (c, 3) m, on the body
+    force: np.ndarray  # (c, 3) N, on the cable
+
+    def __post_init__(self) -> None:
+        """Check shapes and ranges."""
+        count = len(self.s)
+        check_floats("touching.s", self.s, (count,), EXTENT_MAX)
+        check_floats("touching.point", self.point, (count, 3), EXTENT_MAX)
+        check_floats("touching.force", self.force, (count, 3), HUGE)
+        check_integers("touching.cable", self.cable, count, 0, GRASPS_MAX)
+        check_integers("touching.body", self.body, count, -1, 10_000)

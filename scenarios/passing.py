@@ -1,4 +1,4 @@
-"""How near two cables come to each other; contact between two cables is not simulated, so that a run has to tell where they overlap."""
+"""How near two cables come to each other; those of different kinds pass through each other, and a run has to tell where they overlap."""
 
 from __future__ import annotations
 

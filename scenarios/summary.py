@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from protocol import recording
-from protocol.kinds import Outcome
+from protocol.kinds import Outcome, SelfInteraction
 from protocol.messages import Bill, Frame, Shape
 from protocol.scene import Scene
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 FILE_NAME: Final = "summary.json"
 BILL: Final = Bill.__struct_fields__
 
+TOUCHING: Final = (SelfInteraction.CONTACT, SelfInteraction.BOND)
 WARM_UP: Final = 10  # steps left out of the speed, in which kernels are loaded
 
 Summary = dict[str, Any]
@@ -102,7 +103,7 @@ def table(summary: Summary) -> Table:
         ("bill of a step", ", ".join(f"{part} {value:.3f}" for part, value in summary["bill_ms"].items()) + " ms (medians)"),
     )
     if count := summary["steps_with_overlapping_cables"]:
-        rows = (*rows, ("cables", f"[red]in each other in {count} steps; contact between two cables is not simulated[/red]"))
+        rows = (*rows, ("cables", f"[red]in each other in {count} steps; they touch if both have the same self_interaction[/red]"))
     if count := summary["frames_between_equilibria"]:
         rows = (*rows, ("snaps", f"shown as an artificial motion, in {count} frame{'s' if count > 1 else ''}"))
     for label, text in rows:
@@ -180,8 +181,10 @@ class _Tally:
 
 
 def _overlap(frame: Frame, scene: Scene) -> bool:
-    """Whether two cables are in each other."""
+    """Whether two cables are in each other that do not keep off each other."""
     for (one, first), (other, second) in combinations(zip(scene.cables, frame.shapes, strict=True), 2):
+        if one.self_interaction is other.self_interaction and one.self_interaction in TOUCHING:
+            continue
         touching = 0.5 * (one.diameter + other.diameter)
         if distance(first.nodes, second.nodes, touching) < touching:
             return True

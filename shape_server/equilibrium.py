@@ -100,12 +100,12 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
             return Settled(state, view, False, False, iteration, unbalanced, NOT_FINITE)
         scale = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0
         before, change = view.nodes, _change(state.force, step.force)
-        state, view, let_go = _advance(rod, state, view, step, scale)
+        state, view, let_go = advance(rod, state, view, step, scale)
         if only_near and longest <= near:
             return Settled(state, view, True, is_stable, iteration, unbalanced, DONE)
         if only_near or let_go:
             continue
-        miss = _worst_miss(rod, state, view)
+        miss = worst_miss(rod, state, view)
         # Close to the answer a neutral direction may still look unstable: an unstable verdict is given at the answer itself.
         # Steps that hardly shorten go along a direction with next to no stiffness, where a short one is not near the end.
         shortens = iteration == 1 or longest < SHORTENS * last
@@ -179,7 +179,7 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
         if accepted and longest < NEAR:
             now = soft_forces(rod, state, view, force, push, drag, stiffness)
             force, push, drag = now.force, now.push, now.drag
-            before, worst = worst, _worst_miss(rod, state, view)
+            before, worst = worst, worst_miss(rod, state, view)
             if worst > 0.3 * before and helped == 0 and stiffness < 1e3 * softest:
                 stiffness *= 3.0
             # A step that needed a shift may be on its way to a saddle: wait until it stalls there, then look what it is.
@@ -225,7 +225,7 @@ def _largest(values):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
+def advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     """Take a step, then drop the bonds that pull; whether there were any."""
     points, holds, let_go = rod.held.rows, state.holds.copy(), False
     for bond in range(len(holds)):
@@ -257,7 +257,7 @@ def _keeps_laws(rod, state, view):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _worst_miss(rod, state, view):  # type: ignore[no-untyped-def]
+def worst_miss(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest distance of a held point from its goal, or of a contact from where its force would have it [m].
 
     Infinite where a contact gave way further than a force can be meant: a body that the cable cannot escape.

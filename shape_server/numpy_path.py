@@ -136,4 +136,7 @@ interpolate_frames, smallest_stiffness = _plain["interpolate_frames"], _plain["s
 frames_along, sagging_tangents, turn_onto = _plain["frames_along"], _plain["sagging_tangents"], _plain["turn_onto"]
 close, contact_geometry, add_couples = _plain["close"], _plain["contact_geometry"], _plain["add_couples"]
 drag_limit, normal_forces, stick_slip = _plain["drag_limit"], _plain["normal_forces"], _plain["stick_slip"]
+add_spread, curvature, apart = _plain["add_spread"], _plain["curvature"], _plain["apart"]
+shares, slide, fix_gauge = _plain["shares"], _plain["slide"], _plain["fix_gauge"]
+advance, worst_miss = _plain["advance"], _plain["worst_miss"]
 section_forces, twist_of = _plain["section_forces"], _plain["twist_of"]

@@ -76,7 +76,7 @@ def _read(problem: Problem, system: System, found: Settled, path: ModuleType, mo
     contact_s = contact_places(problem, system, found)
     places = _on_axis(view.nodes, *system.mesh.locate(contact_s))
     contact_moments = _contact_moments(system, found, len(contact_forces), path) - _crosses(places, contact_forces)
-    moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces)
+    moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces) + system.couple
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
     energy = float(path.energy(rod, state, view)) + more_energy
     if len(rod.give):

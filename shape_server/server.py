@@ -13,7 +13,7 @@ from protocol.keys import Keys
 from protocol.messages import AnyMessage, Beat, Done, Error, ShapeReply, ShapeRequest, Stop, Welcome
 
 from .paths import Paths
-from .solve import answer
+from .together import answers
 
 BEAT_PERIOD: Final = 0.1  # s between proofs of life during a long solve
 
@@ -73,7 +73,7 @@ class ShapeServer:
                 self._channel.send(peer, beat)
 
         try:
-            shapes = tuple(answer(problem, request, self._paths.current, progress) for problem in request.problems)
+            shapes, crossings = answers(request, self._paths.current, progress)
         except CablecosimError as error:
             self._channel.send(peer, Error(code="message", sentence=str(error), key=error.key))
             return
@@ -82,7 +82,14 @@ class ShapeServer:
             sentence = f"the solver failed on this request ({type(error).__name__}: {error}); please report it with the request"
             self._channel.send(peer, Error(code="state", sentence=sentence))
             return
-        reply = ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=time.perf_counter() - begun)
+        reply = ShapeReply(
+            session=request.session,
+            step=request.step,
+            round=request.round,
+            shapes=shapes,
+            busy=time.perf_counter() - begun,
+            crossings=crossings,
+        )
         data = encode(reply)
         self._cached = (key, request, data)
         self._channel.send_bytes(peer, data)

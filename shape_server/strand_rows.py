@@ -57,7 +57,19 @@ def strand_rows(rod, state, view, contacts, first_row, next_row):  # type: ignor
         c = contacts[k] - strands.first
         if c < 0 or not state.push[contacts[k]] > WEAK * rod.force_scale:
             continue
-        found, values = _curvature(rod, state, view, c, coef[count : count + 4], node[count : count + 4])
+        at, own = many + 2 * c, contacts[k]
+        found, values = curvature(
+            view.nodes,
+            view.nodes,
+            state.fraction[at : at + 2],
+            strands.cell[c],
+            view.normal[own],
+            view.gap[own],
+            strands.distance[c],
+            state.push[own],
+            coef[count : count + 4],
+            node[count : count + 4],
+        )
         for q in range(found):
             row[count], stiffness[curved] = next_row + curved, values[q]
             count, curved = count + 1, curved + 1
@@ -65,19 +77,20 @@ def strand_rows(rod, state, view, contacts, first_row, next_row):  # type: ignor
 
 
 @njit(cache=True, error_model="numpy")
-def _curvature(rod, state, view, c, coef, node):  # type: ignore[no-untyped-def]
-    """Eigenvectors of minus the force times the second derivative of a gap: rows into `coef` (4, 2, 3, 3), stiffness (4,) [N/m]."""
-    strands, at = rod.strands, len(state.push) + 2 * c
-    place, n = state.fraction[at : at + 2], view.normal[strands.first + c]
+def curvature(nodes, others, place, cell, n, gap, distance, push, coef, node):  # type: ignore[no-untyped-def]
+    """Eigenvectors of minus the force times the second derivative of a gap: rows into `coef` (4, 2, 3, 3), stiffness (4,) [N/m].
+
+    `place` (2,) is where the two axes meet, `nodes` and `others` those of the first and of the second, which may be the same.
+    """
     weights, point = np.empty((2, 3, 3)), np.empty((2, 3, 3))
     first = np.empty(2, dtype=np.int64)
-    for side in range(2):
-        first[side] = point_at(view.nodes, place[side], weights[side], point[side])
-    d = view.gap[strands.first + c] + strands.distance[c]
-    d = np.copysign(max(abs(d), LEAST * strands.distance[c]), d)
+    first[0] = point_at(nodes, place[0], weights[0], point[0])
+    first[1] = point_at(others, place[1], weights[1], point[1])
+    d = gap + distance
+    d = np.copysign(max(abs(d), LEAST * distance), d)
     across = _two_across(n)
-    form = _second_derivative(point, n, d, across, place, len(view.nodes) - 1.0, strands.cell[c])
-    values, vectors = np.linalg.eigh(-state.push[strands.first + c] * form)
+    form = _second_derivative(point, n, d, across, place, len(others) - 1.0, cell)
+    values, vectors = np.linalg.eigh(-push * form)
     found, largest, kept = 0, np.abs(values).max(), np.empty(4)
     for q in range(4):
         if abs(values[q]) <= NEGLIGIBLE * largest:

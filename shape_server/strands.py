@@ -84,12 +84,15 @@ def inner(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def slide(nodes, x, y, cell, weights, one, other):  # type: ignore[no-untyped-def]
-    """The places nearest to each other around x, within its cell, and y; `one` and `other` (3, 3) are left as `point_at` there."""
-    last = len(nodes) - 1.0
+def slide(nodes, others, x, y, cell, weights, one, other):  # type: ignore[no-untyped-def]
+    """The places nearest to each other around x of one axis, within its cell, and y of the other, which may be the same.
+
+    `one` and `other` (3, 3) are left as `point_at` there.
+    """
+    last = len(others) - 1.0
     for _ in range(STEPS):
         point_at(nodes, x, weights, one)
-        point_at(nodes, y, weights, other)
+        point_at(others, y, weights, other)
         d0, d1, d2 = one[0, 0] - other[0, 0], one[0, 1] - other[0, 1], one[0, 2] - other[0, 2]
         gx = d0 * one[1, 0] + d1 * one[1, 1] + d2 * one[1, 2]
         gy = -(d0 * other[1, 0] + d1 * other[1, 1] + d2 * other[1, 2])
@@ -114,8 +117,27 @@ def slide(nodes, x, y, cell, weights, one, other):  # type: ignore[no-untyped-de
         if abs(x - before_x) < NEAREST and abs(y - before_y) < NEAREST:
             break
     point_at(nodes, x, weights, one)
-    point_at(nodes, y, weights, other)
+    point_at(others, y, weights, other)
     return x, y
+
+
+@njit(cache=True, error_model="numpy")
+def apart(one, other, distance, normal):  # type: ignore[no-untyped-def]
+    """Gap [m] between two places as `point_at` leaves them; `normal` (3,), that of before, is turned to that of now.
+
+    Two strands inside each other are still on the sides on which they met.
+    """
+    size, along = 0.0, 0.0
+    for k in range(3):
+        difference = one[0, k] - other[0, k]
+        size += difference * difference
+        along += difference * normal[k]
+    size = np.sqrt(size)
+    signed = -size if along < 0.0 and size < distance else size
+    if size > 1e-12:
+        for k in range(3):
+            normal[k] = (one[0, k] - other[0, k]) / signed
+    return signed - distance
 
 
 @njit(cache=True, error_model="numpy")
@@ -128,31 +150,20 @@ def _is_kept(place, slope, low, high):  # type: ignore[no-untyped-def]
 def meet(nodes, strands, fraction, gap, normal):  # type: ignore[no-untyped-def]
     """Gaps [m] and normals of all self-contacts, into their rows.
 
-    Their places in `fraction`, after those of all rows, slide along, and their normals after these turn along: two strands inside each
-    other are still on the sides on which they met.
+    Their places in `fraction`, after those of all rows, slide along, and their normals after these turn along.
     """
     weights, one, other = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     many = len(strands.distance)
     for c in range(many):
         row, at, was = strands.first + c, len(gap) + 2 * c, len(gap) + 2 * many + 3 * c
-        x, y = slide(nodes, fraction[at], fraction[at + 1], strands.cell[c], weights, one, other)
+        x, y = slide(nodes, nodes, fraction[at], fraction[at + 1], strands.cell[c], weights, one, other)
         # Places that slide into each other have no nearest pair any more: between them is but a bend.
         if abs(_arc_length(strands.s, x) - _arc_length(strands.s, y)) < BEND * strands.distance[c]:
             gap[row], normal[row] = FAR, fraction[was : was + 3]
             continue
         fraction[at], fraction[at + 1] = x, y
-        size, along = 0.0, 0.0
-        for k in range(3):
-            difference = one[0, k] - other[0, k]
-            normal[row, k] = difference
-            size += difference * difference
-            along += difference * fraction[was + k]
-        size = np.sqrt(size)
-        signed = -size if along < 0.0 and size < strands.distance[c] else size
-        for k in range(3):
-            normal[row, k] = normal[row, k] / signed if size > 1e-12 else fraction[was + k]
-            fraction[was + k] = normal[row, k]
-        gap[row] = signed - strands.distance[c]
+        gap[row] = apart(one, other, strands.distance[c], fraction[was : was + 3])
+        normal[row] = fraction[was : was + 3]
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from types import ModuleType
 from typing import Any
@@ -36,6 +36,7 @@ class System:
     base: int  # which grasp is the origin of positions, and has no rows
     row_grasp: np.ndarray  # (h,) int, which grasp each row holds; -1 for a bond
     bond_contact: np.ndarray  # (b,) int, which contact of the request each bond is
+    couple: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) N m, given besides the loads
 
     @property
     def body_rows(self) -> int:

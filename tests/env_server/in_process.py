@@ -13,7 +13,7 @@ from env_server.stepped import Stepped
 from protocol.messages import ShapeReply, ShapeRequest
 from protocol.scene import Scene, check_scene
 from shape_server import kernels
-from shape_server.solve import answer
+from shape_server.together import answers
 
 
 class Direct:
@@ -28,8 +28,8 @@ class Direct:
 
     def receive(self) -> ShapeReply:
         request = self.requests[-1]
-        shapes = tuple(answer(problem, request, cast(Any, kernels)) for problem in request.problems)
-        return ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=0.0)
+        shapes, crossings = answers(request, cast(Any, kernels))
+        return ShapeReply(session=request.session, step=request.step, round=request.round, shapes=shapes, busy=0.0, crossings=crossings)
 
 
 def steps(scene: Scene, asker: Direct | None = None) -> Iterator[tuple[Stage, Stepped]]:

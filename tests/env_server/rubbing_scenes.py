@@ -13,6 +13,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from env_server import looking
 from env_server.boundary import Boundary
 from env_server.hanging import Hanging
 from env_server.loop import Loop
@@ -99,7 +100,7 @@ def _begun(loop: Loop, stage: Any, scene: Scene, start: Start, path: Any) -> Ste
     drawn = shape_with(shape, start, nodes)
     before = replace(posture, time=posture.time - scene.time_step)
     boundary = boundary.anchored(None, drawn, before.surfaces, before.time)
-    near = Hanging(drawn, boundary, *loop._search(0, drawn, posture, None))
+    near = Hanging(drawn, boundary, *looking.near(stage, 0, drawn, posture, None, loop._reach))
     bill = Bill(solve=0.0, search=0.0, robot=0.0, encode=0.0, wire=0.0, wait=0.0, total=0.0)
     loop._now = Stepped(before, (near,), 0, (), bill)
     return loop.advance(0)

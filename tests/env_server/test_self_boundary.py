@@ -138,7 +138,7 @@ def test_a_push_is_handed_on_to_the_row_that_is_nearest() -> None:
 @pytest.mark.parametrize(
     ("kind", "more", "words"),
     [
-        (SelfInteraction.BOND, {}, "'bond' is not built"),
+        (SelfInteraction.BOND, {"stretch": 100.0}, "'bond' of a cable that stretches is not built"),
         (SelfInteraction.FICTITIOUS, {}, "needs 'bend_radius'"),
         (SelfInteraction.CONTACT, {"bending": None, "twist": None}, "needs a cable with 'bending'"),
         (SelfInteraction.CONTACT, {"stretch": 100.0}, "stretches is not built"),

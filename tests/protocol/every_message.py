@@ -12,8 +12,11 @@ from protocol.messages import (
     AnyMessage,
     Beat,
     Bill,
+    CablePoints,
     Contacts,
     Cost,
+    CrossingReactions,
+    Crossings,
     Done,
     Error,
     Finished,
@@ -66,6 +69,9 @@ CABLE = Cable(
     sections=(Section(start=0.1, end=0.4, bending=0.05), Section(start=0.4, end=1.2, mass_per_length=0.2)),
     masses=(LumpedMass(at=0.6, mass=0.01),),
 )
+
+
+REACTIONS = CrossingReactions(s=np.array([[0.3, 0.9]]), force=np.array([[0.0, 0, 2]]), point=np.ones((1, 3)), gap=np.zeros(1))
 
 
 def quaternions(count: int) -> np.ndarray:
@@ -170,6 +176,19 @@ def scene() -> Scene:
     )
 
 
+def crossings() -> Crossings:
+    """Two places of one cable that stick."""
+    return Crossings(
+        cable=np.zeros((1, 2), np.int64),
+        s=np.array([[0.3, 0.9]]),
+        kind=np.array([SelfTouch.BOND]),
+        normal=np.array([[0.0, 0, 1]]),
+        distance=np.full(1, 0.009),
+        force=np.array([[0.0, 0, 2]]),
+        arm=np.full((1, 2, 3), 1e-3),
+    )
+
+
 def solid() -> Solid:
     return Solid(name="box", vertices=np.eye(3), triangles=np.array([[0, 1, 2]]), color=(0.5, 0.5, 0.5))
 
@@ -194,6 +213,7 @@ def frame() -> Frame:
         collisions=(("left_hand", "dashboard"),),
         torque_ratio=0.1,
         bill=Bill(solve=1e-3, search=1e-3, robot=1e-3, encode=1e-3, wire=1e-3, wait=0.0, total=5e-3),
+        crossing=CablePoints(cable=np.array([[0, 0]]), s=np.array([[0.3, 0.9]]), point=np.ones((1, 3)), force=np.ones((1, 3))),
     )
 
 
@@ -208,14 +228,16 @@ def request() -> ShapeRequest:
         loads=loads,
         effects={"stretch": True},
     )
-    return ShapeRequest(session="session", step=7, round=1, gravity=(0.0, 0.0, -9.81), tolerance=1e-3, problems=(problem,))
+    return ShapeRequest(
+        session="session", step=7, round=1, gravity=(0.0, 0.0, -9.81), tolerance=1e-3, problems=(problem,), crossings=crossings()
+    )
 
 
 def every_message() -> list[AnyMessage]:
     """One of each type that may cross the wire on its own."""
     return [
         request(),
-        ShapeReply(session="session", step=7, round=1, shapes=(shape(),), busy=1e-3),
+        ShapeReply(session="session", step=7, round=1, shapes=(shape(),), busy=1e-3, crossings=REACTIONS),
         Beat(session="session", step=7, round=1, iterations=40, residual=0.5),
         Hello(version=3, role="env_server"),
         Welcome(version=1, role="shape_server", kernels="compiled"),

@@ -64,7 +64,7 @@ def test_below_the_limit_the_cable_holds_and_above_it_slides() -> None:
     assert pulled.shape.nodes[-1, 2] - end == pytest.approx(10 * SLIDE, rel=1e-2)
 
 
-@pytest.mark.parametrize("steps", [200, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("steps", [200, pytest.param(10_000, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])])
 def test_a_cable_below_the_limit_never_creeps(steps: int) -> None:
     drum, lowered = held(0.95)
     drum = drum.moved(lowered)

@@ -1,0 +1,191 @@
+"""Where the cables of a scene meet each other, as boundary conditions: the rows of all pairs that do not pass through each other.
+
+Two cables of the kind `contact` are one-sided to each other, as strands of one cable are (`self_boundary`): every place within reach is
+a row, the server decides which push, and no step may take one cable through another. Of two cables, or strands, of the kind `bond` what
+pushes once a step has settled is a knot from then on: the surfaces stick together at that point for good (the paper's F_inf between
+cables). Cables of different kinds, and all others, pass through each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from protocol.kinds import SelfInteraction, SelfTouch
+from protocol.messages import CablePoints, CrossingReactions, Crossings, Shape
+from protocol.scene import Cable
+
+from .polyline import points_at
+from .self_boundary import NEAR, all_have_rows, handed_on, places_of
+from .self_touch import SelfCandidates, search_two
+
+if TYPE_CHECKING:
+    from .hanging import Hanging
+
+APART: Final = 0.5  # of a segment; a place as near to a knot, on both cables, is not knotted again
+AT_KNOT: Final = 1.5  # segments; a place as near to a knot, on both cables, is that of the knot
+UP: Final = np.array([0.0, 0.0, 1.0])  # of a knot, whose normal says nothing
+NOTHING: Final = CablePoints(cable=np.zeros((0, 2), dtype=np.int64), s=np.zeros((0, 2)), point=np.zeros((0, 3)), force=np.zeros((0, 3)))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two cables that may touch."""
+
+    first: int
+    second: int
+    distance: float  # m, of their axes when they touch
+    sticks: bool
+
+
+@dataclass(frozen=True)
+class Knot:
+    """Two places that stick, of two cables or of one."""
+
+    cable: tuple[int, int]
+    s: tuple[float, float]  # m
+    arm: np.ndarray  # (2, 3) m, from each axis to the common point, in the frame of its segment
+    force: np.ndarray  # (3,) N, on the first
+
+
+@dataclass(frozen=True)
+class Crossed:
+    """What cables do to each other, and where they are near each other; a new value after every change."""
+
+    pairs: tuple[Pair, ...]
+    sticking: tuple[int, ...]  # cables that stick to themselves
+    near: tuple[SelfCandidates, ...] = ()  # of every pair, once looked for
+    knots: tuple[Knot, ...] = ()
+    pushes: CablePoints = NOTHING  # all that acts: knots too
+
+    def looked(self, shapes: Sequence[Shape], room: float) -> Crossed:
+        """With where the shapes are near each other; clearances are known up to `room` [m]."""
+        near = []
+        for pair in self.pairs:
+            nodes, reach = (shapes[pair.first].nodes, shapes[pair.second].nodes), 0.5 * NEAR * pair.distance
+            near.append(self._beside_knots(pair, search_two(*nodes, pair.distance, reach, max(room, reach)), shapes))
+        return replace(self, near=tuple(near))
+
+    def asked(self, shapes: Sequence[Shape]) -> Crossings | None:
+        """The rows to ask the shape server about, by the shapes that were looked at; None if there are none."""
+        count = sum(len(found.gap) for found in self.near)
+        if count + len(self.knots) == 0:
+            return None
+        cable = [np.tile([pair.first, pair.second], (len(found.gap), 1)) for pair, found in zip(self.pairs, self.near, strict=True)]
+        s = [_arc_lengths(found.place, shapes, pair) for pair, found in zip(self.pairs, self.near, strict=True)]
+        force = [self._shared(pair, found, shapes) for pair, found in zip(self.pairs, self.near, strict=True)]
+        distance = [np.full(len(found.gap), pair.distance) for pair, found in zip(self.pairs, self.near, strict=True)]
+        more = len(self.knots)
+        return Crossings(
+            cable=np.vstack([*cable, *(np.array([knot.cable]) for knot in self.knots)]).astype(np.int64),
+            s=np.vstack([*s, *(np.array([knot.s]) for knot in self.knots)]),
+            kind=np.concatenate([np.full(count, int(SelfTouch.CONTACT)), np.full(more, int(SelfTouch.BOND))]),
+            normal=np.vstack([*(found.normal for found in self.near), *([UP] * more)]),
+            distance=np.concatenate([*distance, np.zeros(more)]),
+            force=np.vstack([*force, *(knot.force for knot in self.knots)]),
+            arm=np.concatenate([np.zeros((count, 2, 3)), *(knot.arm[None] for knot in self.knots)]),
+        )
+
+    def after(self, asked: Crossings | None, reactions: CrossingReactions | None) -> Crossed:
+        """With what the shape server's answer says of the rows that it was asked about."""
+        if asked is None or reactions is None:
+            return replace(self, pushes=NOTHING)
+        on = np.flatnonzero((reactions.force != 0.0).any(axis=1))
+        pushes = CablePoints(cable=asked.cable[on], s=reactions.s[on], point=reactions.point[on], force=reactions.force[on])
+        first = len(asked.kind) - len(self.knots)
+        knots = tuple(replace(knot, force=reactions.force[first + k]) for k, knot in enumerate(self.knots))
+        return replace(self, knots=knots, pushes=pushes)
+
+    def is_settled(self, asked: Crossings | None, shapes: Sequence[Shape]) -> bool:
+        """Whether no two cables are in each other but where the server was asked to keep them apart, on the side where they were."""
+        for pair, found in zip(self.pairs, self.near, strict=True):
+            cell, place, normal = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3))
+            if asked is not None:
+                own = (asked.cable == (pair.first, pair.second)).all(axis=1) & (asked.kind == SelfTouch.CONTACT)
+                place, normal = _places(asked.s[own], shapes, pair), asked.normal[own]
+                cell = np.round(place[:, 0])
+            if not all_have_rows(found, cell, place, normal):
+                return False
+        return True
+
+    def free_share(self, moved: Sequence[np.ndarray]) -> float:
+        """Share of the way, by `moved` (n-1,) [m] for every segment of each cable, that surely takes no cable through another."""
+        share = np.inf
+        for pair, found in zip(self.pairs, self.near, strict=True):
+            first, second = moved[pair.first], moved[pair.second]
+            own = (found.clearance - 0.5 * pair.distance) / np.maximum(first + second.max(), 1e-12)
+            other = (found.other_clearance - 0.5 * pair.distance) / np.maximum(second + first.max(), 1e-12)
+            share = min(share, float(own.min()), float(other.min()))
+        return share
+
+    def accepted(self, cables: Sequence[Hanging]) -> Crossed:
+        """With every push between places that stick turned into a knot, where none is near; once a step has settled."""
+        shapes, knots = [cable.shape for cable in cables], list(self.knots)
+        radii = [cable.boundary.radius for cable in cables]
+        pushes = [(tuple(pair), tuple(s)) for pair, s in zip(self.pushes.cable.tolist(), self.pushes.s.tolist(), strict=True)]
+        pushes = [(pair, s) for pair, s in pushes if any(p.sticks and (p.first, p.second) == pair for p in self.pairs)]
+        for index in self.sticking:
+            own = shapes[index].self_reactions
+            on = [] if own is None else own.s[(own.force != 0.0).any(axis=1)].tolist()
+            pushes += [((index, index), tuple(s)) for s in on]
+        for pair, s in pushes:
+            size = [APART * float(np.diff(shapes[index].s).max()) for index in pair]
+            if not any(k.cable == pair and all(abs(k.s[side] - s[side]) < size[side] for side in range(2)) for k in knots):
+                knots.append(_knot(pair, s, shapes, radii))
+        return replace(self, knots=tuple(knots))
+
+    def _beside_knots(self, pair: Pair, found: SelfCandidates, shapes: Sequence[Shape]) -> SelfCandidates:
+        """The places that are not those of a knot, which holds the two cables apart too."""
+        knots = np.array([knot.s for knot in self.knots if knot.cable == (pair.first, pair.second)]).reshape(-1, 2)
+        away = np.abs(found.place[:, None] - _places(knots, shapes, pair)[None]).max(axis=2)
+        free = away.min(axis=1, initial=np.inf) > AT_KNOT
+        return replace(found, place=found.place[free], normal=found.normal[free], gap=found.gap[free]) if len(knots) else found
+
+    def _shared(self, pair: Pair, found: SelfCandidates, shapes: Sequence[Shape]) -> np.ndarray:
+        """What pushed the pair in the last answer, on the rows of now."""
+        own = (self.pushes.cable == (pair.first, pair.second)).all(axis=1)
+        return handed_on(found, _places(self.pushes.s[own], shapes, pair), self.pushes.force[own])
+
+
+def crossed_of(cables: Sequence[Cable]) -> Crossed | None:
+    """What there is to be looked for among the cables of a scene; None if all of them pass through each other."""
+    kinds, both = [cable.self_interaction for cable in cables], (SelfInteraction.CONTACT, SelfInteraction.BOND)
+    pairs = tuple(
+        Pair(i, j, 0.5 * (cables[i].diameter + cables[j].diameter), kinds[i] is SelfInteraction.BOND)
+        for i, j in combinations(range(len(cables)), 2)
+        if kinds[i] is kinds[j] and kinds[i] in both
+    )
+    sticking = tuple(index for index, kind in enumerate(kinds) if kind is SelfInteraction.BOND)
+    return Crossed(pairs, sticking) if pairs or sticking else None
+
+
+def _arc_lengths(place: np.ndarray, shapes: Sequence[Shape], pair: Pair) -> np.ndarray:
+    """Arc lengths (m, 2) [m] of places counted in segments."""
+    sides = zip(place.T, (shapes[pair.first].s, shapes[pair.second].s), strict=True)
+    return np.column_stack([np.interp(own, np.arange(len(s)), s) for own, s in sides])
+
+
+def _places(arc_lengths: np.ndarray, shapes: Sequence[Shape], pair: Pair) -> np.ndarray:
+    """Places (m, 2), counted in segments, of arc lengths [m]."""
+    sides = zip(arc_lengths.T, (shapes[pair.first].s, shapes[pair.second].s), strict=True)
+    return np.column_stack([places_of(own, s) for own, s in sides])
+
+
+def _knot(pair: tuple[int, int], s: tuple[float, float], shapes: Sequence[Shape], radii: Sequence[float]) -> Knot:
+    """Two places that push each other, stuck together at the point between their surfaces."""
+    axes = [points_at(shapes[index], np.array([own]))[0] for index, own in zip(pair, s, strict=True)]
+    share = radii[pair[0]] / (radii[pair[0]] + radii[pair[1]])
+    point, arms = axes[0] + share * (axes[1] - axes[0]), []
+    for index, own, axis in zip(pair, s, axes, strict=True):
+        shape = shapes[index]
+        middles = 0.5 * (shape.s[1:] + shape.s[:-1])
+        first = min(max(int(np.searchsorted(middles, own)) - 1, 0), len(middles) - 2)
+        last = float(np.clip((own - middles[first]) / (middles[first + 1] - middles[first]), 0.0, 1.0))
+        before, after = Rotation.from_quat(shape.frames[first : first + 2]).as_matrix()
+        arms.append(np.linalg.solve((1.0 - last) * before + last * after, point - axis))
+    return Knot(pair, s, np.array(arms), np.zeros(3))
