@@ -80,10 +80,10 @@ class Loop:
 
     def tried(self, step: int, goal: Posture, before: Stepped) -> Stepped:
         """Where a step from `before` to another posture ends. The loop goes on as if it had not been asked."""
-        kept = self._reach, self._reach_links, self._reach_own, self._collisions
-        posture, cables, rounds = self._go(step, goal, before, 0)
-        self._reach, self._reach_links, self._reach_own, self._collisions = kept
-        return replace(before, posture=posture, cables=cables, rounds=rounds)
+        kept = self._reach, self._collisions
+        posture, done = self._go(step, goal, before, 0)
+        self._reach, self._collisions = kept
+        return replace(before, posture=posture, cables=done.cables, crossed=done.crossed, rounds=done.rounds)
 
     def _measured(self, step: int, goal: Posture, before: Stepped | None) -> Stepped:
         begun, coded = time.perf_counter(), self._asker.coding

@@ -20,6 +20,7 @@ from protocol.scene import Scene, check_scene
 
 from ..asking import Asker
 from ..hanging import Hanging
+from ..looking import Reach
 from ..loop import REACH_MOST, Loop
 from ..memory import Checkpoint, resume
 from ..polyline import points_at
@@ -130,7 +131,8 @@ def playing(
     try:
         loop = Loop(stage, asker, SESSION)
         if start is not None:
-            resume(loop, Checkpoint(SESSION, -1, 0.0, 0, _laid(stage, asker, start, is_loose), (), REACH_MOST, REACH_MOST, REACH_MOST))
+            far = Reach(REACH_MOST, REACH_MOST, REACH_MOST)
+            resume(loop, Checkpoint(SESSION, -1, 0.0, 0, _laid(stage, asker, start, is_loose), (), far))
         yield Played(stage, loop, loop.first() if start is None else loop.advance(0))
     finally:
         stage.close()
