@@ -239,26 +239,15 @@ def accuracy(
     scenes = [name for name in problem or STUDIED if name in built_in() or name.endswith(".toml")]
     words = ["study", "--json", str(report), *(word for name in problem or () if name not in scenes for word in ("--problem", name))]
     if scenes:
-        _study_scenes(scenes, measured)
+        from .scene_study import study_scenes
+
+        measured.write_text(json.dumps(study_scenes(scenes)), encoding="utf-8")
         words += ["--measured", str(measured), *(["--nothing-else"] if problem and len(scenes) == len(problem) else [])]
     for program, arguments in (("shape_server.accuracy", words), ("viz_client", ["--accuracy", str(report)])):
         done = subprocess.run(command(program, arguments), env=environment(), check=False)
         if done.returncode:
             break
     return done.returncode if done.returncode >= 0 else 1
-
-
-def _study_scenes(scenes: list[str], file: Path) -> None:
-    from .load import load, scene_name
-    from .progress import display
-    from .scene_study import study_scene
-
-    show = display()
-    try:
-        studied = [study_scene(load(name), scene_name(name), show, show.say) for name in scenes]
-    finally:
-        show.close()
-    file.write_text(json.dumps(studied), encoding="utf-8")
 
 
 @app.command

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import resource
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -24,7 +24,8 @@ from protocol.messages import Frame
 from protocol.scene import Scene
 
 from .launch import launch
-from .progress import Display
+from .load import load, scene_name
+from .progress import Display, display
 
 FINER: Final = 8.0  # times, tolerance of the reference
 TOLERANCES: Final = (8.0, 4.0, 2.0, 1.0, 0.5)  # times the scene's
@@ -58,6 +59,15 @@ class Taken:
         """[m] The largest that any shape gave for itself; None if one gave none."""
         errors = [shape.error for frame in self.frames.values() for shape in frame.shapes]
         return None if any(error is None for error in errors) else max(error for error in errors if error is not None)
+
+
+def study_scenes(names: Sequence[str]) -> list[dict[str, Any]]:
+    """`study_scene` of built-in scenes or files, with its progress shown."""
+    show = display()
+    try:
+        return [study_scene(load(name), scene_name(name), show, show.say) for name in names]
+    finally:
+        show.close()
 
 
 def study_scene(scene: Scene, name: str, show: Display, told: Told) -> dict[str, Any]:

@@ -83,7 +83,7 @@ class Clock:
         """As `iteration.iterate`, for as many steps as are well within what is left."""
         while True:
             before, count, begun = descent.settled.iterations, self._fits(rod, is_exact=False), time.thread_time()
-            if len(rod.touch.element) > MANY:
+            if len(rod.touch) > MANY:
                 descent, settled = Descent(*path.descend(rod, descent, count)), None
             else:
                 descent, settled = path.iterate(rod, descent, count)
@@ -98,7 +98,7 @@ class Clock:
 
     def settle(self, path: ModuleType, rod: Rod, state: State) -> Settled:
         """As `equilibrium.settle`; step by step with many contacts, or where all steps may not fit, and given up if it goes astray."""
-        if len(rod.touch.element) <= MANY and WARM_STEPS * self._step(rod, is_exact=True) <= self.left:
+        if len(rod.touch) <= MANY and WARM_STEPS * self._step(rod, is_exact=True) <= self.left:
             return self._settled(path, rod, state, 0.0)
         last, idle, spent = math.inf, 0, 0
         while spent < WARM_STEPS:
@@ -138,7 +138,7 @@ class Clock:
 
     def _step(self, rod: Rod, *, is_exact: bool) -> float:
         """[s] What a step on a rod will take; none that nobody has seen yet."""
-        rows, segments = len(rod.touch.element), len(rod.lengths)
+        rows, segments = len(rod.touch), len(rod.lengths)
         for known in (self._taken.get((rows, is_exact)), self._taken.get((rows, not is_exact))):
             if known:
                 return AS_LAST * self._on(known, segments)
@@ -164,7 +164,7 @@ class Clock:
             return 1
         left = self.left - TAIL * self._step(rod, is_exact=True)
         if left < step:
-            rows = len(rod.touch.element)
+            rows = len(rod.touch)
             raise OutOfTime(f"a step on {len(rod.lengths)} segments" + (f" with {rows} contacts" if rows else ""))
         return 1 if step <= 0.0 else max(1, min(SLICE, int(left / (PART * step))))
 
@@ -178,7 +178,7 @@ class Clock:
         """Learn. Without contacts all steps are alike, and the machine makes one longer; with them they become longer and shorter."""
         self._stepping += seconds
         if steps:
-            rows, segments, each = len(rod.touch.element), len(rod.lengths), seconds / steps
+            rows, segments, each = len(rod.touch), len(rod.lengths), seconds / steps
             known = self._taken.setdefault((rows, is_exact), {})
             before = known.get(segments, each)
             known[segments] = max(each, 0.5 * (each + before)) if rows else min(each, before)
