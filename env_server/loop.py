@@ -133,7 +133,9 @@ class Loop:
 
     def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, _Try]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
-        is_outrun = before is not None and depth < HALVINGS_MOST and self._is_outrun(before, goal)
+        is_outrun = False  # by bodies or links that move too far in a step to be sure that they pass no cable
+        if before is not None and depth < HALVINGS_MOST:
+            is_outrun = outruns(rigid_motion(self._stage, before.posture, goal, before.cables), before.cables)
         is_last = before is None or (depth >= HALVINGS_MAX and not is_outrun)
         done = _Try() if is_outrun else self._try(step, goal, before, may_jump=is_last)
         if before is None or is_last:
@@ -290,10 +292,6 @@ class Loop:
         bodies = float(np.clip(AHEAD * (farthest + rigid.bodies), REACH_LEAST, REACH_MOST))
         self._reach = Reach(bodies, max(bodies, AHEAD * (farthest + rigid.links)), max(REACH_LEAST, 2 * AHEAD * farthest))
         return share
-
-    def _is_outrun(self, before: Stepped, goal: Posture) -> bool:
-        """Whether bodies or links move too far in a step to be sure that they pass no cable."""
-        return outruns(rigid_motion(self._stage, before.posture, goal, before.cables), before.cables)
 
     def _part_way(self, index: int, item: tuple[Hanging, Hanging, Grasps], share: float, goal: Posture) -> Hanging:
         """A cable as far on its way as surely passes no body, with what is near it there."""
