@@ -1,5 +1,6 @@
-"""Figs. 13 to 30 of the paper whose scenes are quick enough to be played in one process at every run of the tests; the others, and these
-again through the three programs, are in `tests/scenarios/test_paper_figs_13_to_30.py`.
+"""Figs. 13 to 30 of the paper, as far as their scenes are quick enough to be played in one process with every run of the tests.
+
+All of them, through the three programs, are in `tests/scenarios/test_paper_figs_13_to_30.py`.
 """
 
 from __future__ import annotations
