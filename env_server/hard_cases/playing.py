@@ -131,15 +131,19 @@ def playing(
     try:
         loop = Loop(stage, asker, SESSION)
         if start is not None:
-            far = Reach(REACH_MOST, REACH_MOST, REACH_MOST)
-            resume(loop, Checkpoint(SESSION, -1, 0.0, 0, _laid(stage, asker, start, is_loose), (), far))
+            go_on_from(loop, laid(stage, asker, start, is_loose=is_loose))
         yield Played(stage, loop, loop.first() if start is None else loop.advance(0))
     finally:
         stage.close()
 
 
-def _laid(stage: Stage, asker: Asker, start: Start, is_loose: bool) -> Stepped:
-    """The step before the first: every point of the one cable where `start` has it."""
+def go_on_from(loop: Loop, laid_out: Stepped) -> None:
+    """Let a loop that has not begun go on from a step before its first."""
+    resume(loop, Checkpoint(SESSION, -1, 0.0, 0, laid_out, (), Reach(REACH_MOST, REACH_MOST, REACH_MOST)))
+
+
+def laid(stage: Stage, asker: Asker, start: Start, *, is_loose: bool = False) -> Stepped:
+    """The step before the first: every point of the one cable where `start` has it; held there by friction unless `is_loose`."""
     scene, posture = stage.scene, stage.at_step(0)
     cable, grasps = scene.cables[0], stage.grasps(scene.cables[0].name, posture)
     tangents = Rotation.from_quat(start.frames).apply([0.0, 0.0, 1.0])

@@ -39,7 +39,7 @@ def cases() -> Iterator[Case]:
             f"slivers of {width:g} m by 10 m along the cable", FAMILY, partial(_on, _turned(strips(width)), None), may_decline=width < 1e-8
         )
     for count in (3, 30, 300, 3000, 30_000):
-        yield Case(f"{count} triangles that meet in one point", FAMILY, partial(_on, fan(count), None))
+        yield Case(f"{count} triangles that meet in one point", FAMILY, partial(_on, fan(count), None), is_slow=count > 3000)
     for name, shell in _faulty().items():
         yield Case(f"floor with {name}", FAMILY, partial(_on, shell, None))
     for least in (1e-2, 1e-9):

@@ -8,18 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from env_server import looking
-from env_server.boundary import Boundary
-from env_server.hanging import Hanging
+from env_server.hard_cases.playing import go_on_from, laid
 from env_server.loop import Loop
 from env_server.stage import Posture, Stage
-from env_server.stepped import Stepped
-from protocol.messages import Bill, Problem, Shape, ShapeReply, ShapeRequest, Start
+from protocol.messages import ShapeReply, ShapeRequest, Start
 from protocol.scene import Scene
 from shape_server import kernels
 from shape_server.solve import answer
@@ -81,50 +77,11 @@ def stepping(scene: Scene, start: Start, motion: Motion | None = None, path: Any
         moved: Any = Moved(stage, motion)
         asker: Any = InProcess(path)
         loop = Loop(moved, asker, "session")
-        loop._now = _begun(loop, moved, scene, start, path)
+        go_on_from(loop, laid(moved, asker, start))
+        loop.advance(0)
         yield loop
     finally:
         stage.close()
-
-
-def _begun(loop: Loop, stage: Any, scene: Scene, start: Start, path: Any) -> Stepped:
-    """The step before the first: the shape of `start`, with friction that has it held where it is."""
-    posture = stage.at_step(0)
-    grasps = stage.grasps(scene.cables[0].name, posture)
-    tangents = Rotation.from_quat(start.frames).apply([0.0, 0.0, 1.0])
-    nodes = np.vstack([np.zeros(3), np.cumsum(np.diff(start.s)[:, None] * tangents, axis=0)])
-    held = int(np.argmin(np.abs(start.s - grasps.s[0])))
-    nodes = nodes + grasps.position[0] - nodes[held]
-    boundary: Boundary = stage.untouched(0)
-    shape = solve_once(scene, Problem(cable=scene.cables[0], grasps=grasps), path)
-    drawn = shape_with(shape, start, nodes)
-    before = replace(posture, time=posture.time - scene.time_step)
-    boundary = boundary.anchored(None, drawn, before.surfaces, before.time)
-    near = Hanging(drawn, boundary, *looking.near(stage, 0, drawn, posture, None, loop._reach))
-    bill = Bill(solve=0.0, search=0.0, robot=0.0, encode=0.0, wire=0.0, wait=0.0, total=0.0)
-    loop._now = Stepped(before, (near,), 0, (), bill)
-    return loop.advance(0)
-
-
-def solve_once(scene: Scene, problem: Problem, path: Any) -> Shape:
-    """Any shape of a problem, for its fields."""
-    request = ShapeRequest(session="s", step=0, round=0, gravity=scene.gravity, tolerance=1.0, problems=(problem,))
-    return answer(problem, request, path)
-
-
-def shape_with(shape: Shape, start: Start, nodes: np.ndarray) -> Shape:
-    """A shape of nodes and frames alone."""
-    count = len(start.s)
-    return msgspec.structs.replace(
-        shape,
-        s=start.s,
-        nodes=nodes,
-        frames=start.frames,
-        tension=np.zeros(count - 1),
-        curvature=np.zeros(count),
-        grasp_wrenches=np.hstack([start.grasp_forces, np.zeros_like(start.grasp_forces)]),
-        error=None,
-    )
 
 
 def saved(folder: Path, name: str, vertices: np.ndarray, triangles: np.ndarray) -> str:

@@ -7,6 +7,7 @@ import time
 from contextlib import closing
 from pathlib import Path
 
+import pytest
 from programs import LIMIT, STEPS, Box, Program, Remote, recorded, remote, until
 
 from protocol import recording
@@ -140,6 +141,21 @@ def test_a_recorder_that_is_held_up_loses_nothing(box: Box, shape: str, tmp_path
         assert viz.wait() == 0
     assert env.wait() == 0
     assert [message["sequence"] for message in recorded(tmp_path)[1:-1]] == list(range(STEPS + 1))
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_shape_server_that_is_told_to_end_by_a_signal_while_it_solves_ends_in_good_order(
+    box: Box, tmp_path: Path, number: signal.Signals
+) -> None:
+    """What a handler of signals raises within a call of numba's crashes the process; one time in a few, when it solves without a pause."""
+    server = box.shape_server()
+    box.env_server()
+    with remote(box) as control:
+        started(box, control, tmp_path)
+        control.tell(Resume())
+        server.say(number)
+        assert server.wait() == 0
+        control.tell(Stop())
 
 
 def test_a_terminated_environment_ends_its_run_in_good_order(box: Box, shape: str, tmp_path: Path) -> None:

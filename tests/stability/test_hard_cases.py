@@ -54,7 +54,7 @@ def test_a_hard_case_ends_as_it_should(case: Case) -> None:
     check(case, kernels)
 
 
-@pytest.mark.parametrize("case", params(PLAYED, every=5))
+@pytest.mark.parametrize("case", params(PLAYED, every=8))
 def test_a_hard_case_that_is_played_ends_as_it_should(case: Case) -> None:
     check(case, Direct())
 
