@@ -9,7 +9,7 @@ from .chart import COLOURS, canvas, svg_text
 
 WIDTH: Final = 4.6  # inches of a panel; twice that and a bit for a wide one
 WIDE: Final = 9.6
-HEIGHT: Final = (2.4, 4.6)  # inches, least and most
+HEIGHT: Final = (1.2, 4.6)  # inches, least and most
 LOOKS: Final[dict[str, dict[str, Any]]] = {
     "cable": {"linewidth": 2.2, "solid_capstyle": "round", "zorder": 4},
     "before": {"linewidth": 1.0, "color": "#9aa3ad", "zorder": 2},
@@ -67,7 +67,7 @@ def _height(panel: dict[str, Any], width: float) -> float:
         return 0.65 * width if not panel["is_wide"] else 0.4 * width
     across = _span(panel["x_range"], [curve["x"] for curve in panel["curves"]])
     high = _span(panel["y_range"], [curve["y"] for curve in panel["curves"]])
-    return min(max(0.85 * width * high / across + 0.7, HEIGHT[0]), HEIGHT[1])
+    return min(max((width - 0.6) * high / across + 0.6, HEIGHT[0]), HEIGHT[1])
 
 
 def _span(given: Sequence[float] | None, values: list[list[float]]) -> float:

@@ -93,12 +93,16 @@ def _lowest(x: np.ndarray, y: np.ndarray) -> float:
 
 def _posture(frame: Frame, cable: int) -> Panel:
     held = frame.grasps[cable].position
-    marks: list[Mark] = [mark(held[0], "gripper"), mark(held[1], "obstacle"), mark(held[2], "gripper")]
+    marks: list[Mark] = [
+        mark(held[0], "gripper"),
+        mark(held[1], "obstacle", f"{abs(inclination(frame, cable)):.1f}°"),
+        mark(held[2], "gripper"),
+    ]
     name = "Fig. 10: inclination fixed at zero (G∞)." if cable == FIXED else "Fig. 11: inclination free (GØ). Dashed: fixed."
     curves = [curve(frame.shapes[cable].nodes)]
     if cable == FREE:
         curves.append(curve(frame.shapes[FIXED].nodes, "reference"))
-    return Panel(name, tuple(curves), tuple(marks))
+    return Panel(name, tuple(curves), tuple(marks), x_range=(-0.2, 5.4), y_range=(-0.75, 0.2))
 
 
 def _costs(angles: np.ndarray, energies: np.ndarray, lengths: np.ndarray, free: float) -> list[Panel]:

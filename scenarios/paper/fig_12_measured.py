@@ -67,7 +67,7 @@ def _panels(take: Recorded, points: Mapping[str, np.ndarray], obstacle: float) -
         index = take.cable(name)
         marks = [mark(place, "gripper") for place in frame.grasps[index].position[[0, -1]]]
         if name == "b":
-            marks.append(mark(frame.grasps[index].position[1], "obstacle", "level here"))
+            marks.append(mark(frame.grasps[index].position[1], "obstacle"))
         panels.append(Panel(caption, (curve(frame.shapes[index].nodes, label="predicted"), _dots(points[name])), tuple(marks)))
     shape = frame.shapes[take.cable("b")]
     good = curve(shape.nodes[shape.s >= obstacle - 1e-9], label="predicted")

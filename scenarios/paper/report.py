@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import Final
 
 from rich.console import Console
 from rich.markup import escape
@@ -19,6 +20,8 @@ from . import reproduce
 from .figure import Figure
 from .reproduce import Reproduced
 
+WARMING: Final = "looking whether the kernels are compiled; the first time they are, for three or four minutes"
+
 
 def report(names: Sequence[str], out: Path | None, kernels: str) -> int:
     """Reproduce figures by name, write `paper.json` and `paper.html`; returns the exit code, 1 where a phenomenon is missing."""
@@ -26,7 +29,9 @@ def report(names: Sequence[str], out: Path | None, kernels: str) -> int:
     folder = _made(out or Path("runs") / f"paper-{datetime.now():%Y%m%d-%H%M%S}")
     console = Console(highlight=False)
     begun, done = time.monotonic(), list[Reproduced]()
-    with console.status("") as status:
+    with console.status(WARMING) as status:
+        if kernels != "numpy":
+            subprocess.run(command("shape_server", ("--warm-up",)), env=environment(), check=False, stdout=subprocess.DEVNULL)
 
         def show(figure: Figure) -> None:
             status.update(f"{figure.name}: {figure.title}")

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from rods import ALONG_X, GRAVITY, Row, cable, contacts, grasps
 
+from protocol.codec import decode, encode
 from protocol.kinds import Feature, Friction, Outcome
-from protocol.messages import Grasps, Problem, Shape
+from protocol.messages import Grasps, Problem, Shape, ShapeReply
 from shape_server import solve
 from shape_server.catenary import hang
 
@@ -143,6 +144,14 @@ def test_a_thick_peg_that_it_would_wind_around_is_refused() -> None:
     shape = solve(Problem(cable=LONG, grasps=ENDS, contacts=contacts(point(4.3, P, push=1.0, distance=0.2))), GRAVITY)
     assert shape.outcome is Outcome.UNSUPPORTED
     assert "winds around" in shape.sentence
+
+
+def test_an_answer_with_a_sharp_bend_about_something_thick_can_be_sent() -> None:
+    shape = over(point(4.3, P, push=1.0, distance=0.05), tolerance=0.1)
+    assert shape.error is not None
+    reply = decode(encode(ShapeReply(session="s", step=0, round=0, shapes=(shape,), busy=0.0)))
+    assert isinstance(reply, ShapeReply)
+    assert reply.shapes[0].error == shape.error > 0.0
 
 
 def test_bonds_and_slides_hold_together() -> None:
