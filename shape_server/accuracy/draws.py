@@ -175,10 +175,14 @@ def true_error(shape: Shape, exact: Points) -> float:
 
     Where the model promises the whole polyline, also of the middle of every segment's arc from its chord, square to it.
     """
-    away = [exact(shape.s) - shape.nodes]
     if shape.model == Model.CATENARY.value:
-        chord = np.diff(shape.nodes, axis=0)
-        bulge = exact(0.5 * (shape.s[1:] + shape.s[:-1])) - 0.5 * (shape.nodes[1:] + shape.nodes[:-1])
-        along = np.einsum("ij,ij->i", bulge, chord) / np.einsum("ij,ij->i", chord, chord)
-        away.append(bulge - along[:, None] * chord)
-    return float(max(np.linalg.norm(part, axis=1).max() for part in away))
+        return polyline_error(shape.s, shape.nodes, exact)
+    return float(np.linalg.norm(exact(shape.s) - shape.nodes, axis=1).max())
+
+
+def polyline_error(s: np.ndarray, nodes: np.ndarray, exact: Points) -> float:
+    """Largest distance [m] from the exact shape, of nodes (n, 3) [m] at s (n,) [m] and of the middle of each arc from its chord."""
+    chord = np.diff(nodes, axis=0)
+    bulge = exact(0.5 * (s[1:] + s[:-1])) - 0.5 * (nodes[1:] + nodes[:-1])
+    along = np.einsum("ij,ij->i", bulge, chord) / np.einsum("ij,ij->i", chord, chord)
+    return float(max(np.linalg.norm(part, axis=1).max() for part in (exact(s) - nodes, bulge - along[:, None] * chord)))
