@@ -88,7 +88,7 @@ class Crossed:
             normal=np.vstack([*(found.normal for found in self.near), *([UP] * more)]),
             distance=np.concatenate([*distance, np.zeros(more)]),
             force=np.vstack([*force, *(knot.force for knot in self.knots)]),
-            arm=np.concatenate([np.zeros((count, 2, 3)), *(knot.arm[None] for knot in self.knots)]),
+            arm=np.vstack([np.zeros((count, 6)), *(knot.arm.reshape(1, 6) for knot in self.knots)]),
         )
 
     def after(self, asked: Crossings | None, reactions: CrossingReactions | None) -> Crossed:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.messages import Shape
+from protocol.messages import Problem, Shape
 
 from .first_touch import sides
-from .hanging import Hanging, Near
+from .hanging import Hanging, Near, joined
 from .self_boundary import meet
 from .stage import Posture, Stage
 from .touch import Candidates
@@ -28,6 +29,21 @@ def near(stage: Stage, index: int, shape: Shape, goal: Posture, previous: Hangin
     """Places within reach on the bodies, on the robot's links, and on the cable itself."""
     own = meet(stage.scene.cables[index], shape, reach.own)
     return near_bodies(stage, index, shape, goal, previous, reach), near_links(stage, index, shape, goal, previous, reach), own
+
+
+def seen(
+    stage: Stage, was: Sequence[Hanging | None], shapes: Sequence[Shape], problems: Sequence[Problem], goal: Posture, reach: Reach
+) -> tuple[list[Hanging], bool]:
+    """The cables with their new shapes and what is near them there, and whether each has settled as far as bodies and itself go."""
+    hanging, is_settled = list[Hanging](), True
+    for index, (before, shape, problem) in enumerate(zip(was, shapes, problems, strict=True)):
+        boundary = before.boundary if before is not None else stage.untouched(index)
+        boundary = boundary.after(problem.contacts, shape, goal.surfaces)
+        now = Hanging(shape, boundary, *near(stage, index, shape, goal, before, reach))
+        is_settled &= boundary.is_settled(joined(now, stage.body_count, reach.bodies), shape.s)
+        is_settled &= now.own is None or now.own.is_settled(problem.self_contacts, shape)
+        hanging.append(now)
+    return hanging, is_settled
 
 
 def near_bodies(stage: Stage, index: int, shape: Shape, goal: Posture, previous: Hanging | None, reach: Reach) -> Candidates:

@@ -27,6 +27,7 @@ from .crossed import Crossed
 from .first_touch import with_first_touches, within
 from .hanging import Hanging, accepted, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .looking import Reach
+from .slid_over import have_slid_over
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
 from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion, slipped_through
@@ -162,7 +163,7 @@ class Loop:
         anchor = before.cables if before is not None else None
         crossed = anchor_crossed = self._begin_crossed(before)
         done_at = before.posture if before is not None else goal
-        has_moved_robot = False
+        has_moved_robot, look = False, partial(looking.touching, self._stage)
         while done.rounds < (ROUNDS_JUMP if may_jump else ROUNDS_MAX):
             done.rounds += 1
             problems = self._problems(goal, cables, grasps)
@@ -176,19 +177,13 @@ class Loop:
                 )
                 return done
             begun = time.perf_counter()
-            hanging = []
-            done.is_settled = True
-            for index, (was, shape, problem) in enumerate(zip(cables, shapes, problems, strict=True)):
-                boundary = was.boundary if was is not None else self._stage.untouched(index)
-                boundary = boundary.after(problem.contacts, shape, goal.surfaces)
-                now = Hanging(shape, boundary, *looking.near(self._stage, index, shape, goal, was, self._reach))
-                done.is_settled &= boundary.is_settled(joined(now, self._stage.body_count, self._reach.bodies), shape.s)
-                done.is_settled &= now.own is None or now.own.is_settled(problem.self_contacts, shape)
-                hanging.append(now)
+            hanging, done.is_settled = looking.seen(self._stage, cables, shapes, problems, goal, self._reach)
             if crossed is not None:
                 crossed = crossed.after(asked, reactions).looked(shapes, self._reach.own)
                 done.is_settled &= crossed.is_settled(asked, shapes)
             share = self._free_share(anchor, anchor_crossed, done_at, goal, hanging)
+            if may_jump and done.is_settled and before is not None and have_slid_over(self._stage, before.cables, hanging, goal):
+                share = 1.0
             done.may_have_passed = share < 1.0
             if anchor is not None and share < 1.0 and may_jump:
                 hanging = [self._part_way(*item, share, goal) for item in enumerate(zip(anchor, hanging, grasps, strict=True))]
@@ -201,11 +196,7 @@ class Loop:
             if self._stage.may_bond and anchor is None:
                 done.cables = within(done.cables)
                 break
-            touched = (
-                with_first_touches(anchor, cables, grasps, (done_at, goal), partial(looking.touching, self._stage))
-                if self._stage.may_bond and anchor
-                else None
-            )
+            touched = with_first_touches(anchor, cables, grasps, (done_at, goal), look) if self._stage.may_bond and anchor else None
             if touched is None:
                 anchor, anchor_crossed, done_at = done.cables, crossed, goal
             cables = touched or cables  # again from where nothing was touched yet

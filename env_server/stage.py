@@ -87,8 +87,7 @@ class Stage:
         self.bonding = np.array([body.friction is Friction.BOND for body in scene.bodies] + [False] * len(self._link_rows), dtype=bool)
         self.tolerance: Final = tolerance_of(scene)
         self.may_bond: Final = bool(self.bonding.any()) and any(cable.bending is None for cable in scene.cables)
-        self.crossed: Final = crossed_of(scene.cables)
-        self.laws = laws_of(scene.bodies, len(self.bonding))
+        self.crossed, self.laws = crossed_of(scene.cables), laws_of(scene.bodies, len(self.bonding))
         fixed = [body.inclination is Inclination.FIXED for body in scene.bodies] + [False] * len(self._link_rows)
         self.inclined = np.array(fixed, dtype=bool) if any(fixed) else None
         self.solids: tuple[Solid, ...] = self.world.solids()

@@ -23,7 +23,7 @@ class Crossings(Part, frozen=True):
     normal: np.ndarray  # (k, 3) unit, from the second place to the first: which cable is on which side
     distance: np.ndarray  # (k,) m, between the axes when they touch
     force: np.ndarray  # (k, 3) N, on the first cable, and against it on the second; what to start from
-    arm: np.ndarray  # (k, 2, 3) m, where they stick: from each axis to the common point, in the directors there; zero where they touch
+    arm: np.ndarray  # (k, 6) m, where they stick: from each axis to the common point, in the directors there; zero where they touch
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
@@ -37,7 +37,7 @@ class Crossings(Part, frozen=True):
         check_floats("crossings.normal", self.normal, (count, 3), EXTENT_MAX)
         check_floats("crossings.distance", self.distance, (count,), EXTENT_MAX)
         check_floats("crossings.force", self.force, (count, 3), 1e9)
-        check_floats("crossings.arm", self.arm, (count, 2, 3), EXTENT_MAX)
+        check_floats("crossings.arm", self.arm, (count, 6), EXTENT_MAX)
         check_units("crossings.normal", self.normal)
         if (self.cable[self.kind != SelfTouch.BOND, 0] == self.cable[self.kind != SelfTouch.BOND, 1]).any():
             raise MessageError(

@@ -9,13 +9,13 @@ is the one dense system over all rows. Which contacts push, of each rod with bod
 found within every step (`closing`), and by Sylvester's law the equilibrium is a minimum of the energy of all rods together if
 sum_i negative(H_i) + positive(S) equals the number of rows and the negative directions that rows of curvature bring.
 
-Where plain steps do not end at a stable equilibrium, steps with a shift that makes each a step downhill are tried from the start.
+Where plain steps end at no stable equilibrium, steps with a shift that makes each a step downhill are tried.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Final
 
@@ -58,6 +58,11 @@ class Group:
         """[m/N] Compliance of what touches or sticks."""
         return SOFTNESS / self.scale
 
+    @property
+    def neutral(self) -> float:
+        """[N] Stiffness below which a direction is neutral, not unstable."""
+        return max(NEUTRAL * system.rod.stiffest / system.rod.length**2 for system in self.systems)
+
 
 @dataclass(frozen=True)
 class Together:
@@ -99,35 +104,33 @@ class Outcome:
 
     def settled(self, rod: int) -> Settled:
         """What it is for one rod."""
-        now = self.now
-        return Settled(now.states[rod], now.views[rod], self.is_good, self.is_stable, self.iterations, self.unbalanced, self.why)
+        state, view = self.now.states[rod], self.now.views[rod]
+        return Settled(state, view, self.is_good, self.is_stable, self.iterations, self.unbalanced, self.why)
 
 
 def begin(group: Group, states: Sequence[State], met: Met, push: Array, pull: Array) -> Together:
     """Rods that have not moved yet."""
-    seen = [group.path.look(system.rod, state, system.rod.touch.normal) for system, state in zip(group.systems, states, strict=True)]
+    rods = [system.rod for system in group.systems]
+    seen = [group.path.look(rod, state, np.ascontiguousarray(rod.touch["normal"])) for rod, state in zip(rods, states, strict=True)]
     views = tuple(View(*view) for _, view in seen)
     met = crossing.meet(group.path, group.crossing, [view.nodes for view in views], met)
     return Together(tuple(State(*state) for state, _ in seen), views, met, push, pull)
 
 
 def settle(group: Group, begun: Together) -> Outcome:
-    """To a stable equilibrium of all rods together."""
+    """To a stable equilibrium of all."""
     plain = _newton(group, begun, PLAIN_STEPS, TURN_MAX, is_patient=False)
-    if plain.is_good:
-        return plain
-    patient = _newton(group, begun, PATIENT_STEPS, PATIENT_TURN, is_patient=True)
-    return replace(patient, iterations=plain.iterations + patient.iterations)
+    return plain if plain.is_good else _newton(group, begun, PATIENT_STEPS, PATIENT_TURN, is_patient=True)
 
 
 def compare(group: Group, begun: Together) -> Outcome:
-    """Near to the equilibrium that is near, for comparing meshes, where no more is needed; `why` says whether one was found."""
+    """Near to an equilibrium, for comparing meshes; `why` says whether there is one."""
     return _newton(group, begun, PLAIN_STEPS, TURN_MAX, is_patient=False, near=NEAR)
 
 
 def _newton(group: Group, begun: Together, steps: int, turn_most: float, *, is_patient: bool, near: float = 0.0) -> Outcome:
     """Newton steps, each downhill if one is patient; until one is as short as `near` [rad], or to the end if that is zero."""
-    now, shift = begun, _neutral(group)
+    now, shift = begun, group.neutral
     for iteration in range(1, steps + 1):
         rods, couples = _loaded(group, now)
         step = _step(group, now, rods, couples, shift)
@@ -139,18 +142,14 @@ def _newton(group: Group, begun: Together, steps: int, turn_most: float, *, is_p
             return Outcome(now, rods, couples, False, iteration, step.unbalanced, NOT_FINITE)
         share = min(1.0, turn_most / max(longest, 1e-300))
         now, let_go = _advanced(group, now, step, share)
-        is_plain = shift <= _neutral(group)
+        is_plain = shift <= group.neutral
         if longest <= near:
             return Outcome(now, *_loaded(group, now), step.is_stable, iteration, step.unbalanced, DONE)
         if longest < TURN_DONE and is_plain and not let_go and _is_held(group, now):
             why = DONE if step.is_stable else UNSTABLE
             return Outcome(now, *_loaded(group, now), step.is_stable, iteration, step.unbalanced, why)
-        shift = shift / 4.0 if shift > SHIFT_LEAST * group.scale else _neutral(group)
+        shift = shift / 4.0 if shift > SHIFT_LEAST * group.scale else group.neutral
     return Outcome(now, rods, couples, step.is_stable, steps, step.unbalanced, NO_MINIMUM)
-
-
-def _neutral(group: Group) -> float:
-    return max(NEUTRAL * system.rod.stiffest / system.rod.length**2 for system in group.systems)
 
 
 def _loaded(group: Group, now: Together) -> tuple[tuple[Rod, ...], tuple[Array, ...]]:
@@ -220,7 +219,7 @@ def _step(group: Group, now: Together, rods: Sequence[Rod], couples: Sequence[Ar
 class _Part:
     """What one rod brings to a step."""
 
-    border: Any
+    border: Any  # a `Border`
     answers: Array  # (3 (n-1), columns + 1)
     schur: Array  # (columns, columns + 1)
     negative: int

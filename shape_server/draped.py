@@ -26,10 +26,11 @@ from typing import Final
 
 import numpy as np
 
-from protocol.messages import Contacts, Problem, Start
+from protocol.messages import Problem
 
 from .catenary import Piece, hang, hang_elastic
-from .contact_geometry import EDGE
+from .rounding import Refusal, too_short
+from .slides import Hold, Slide
 
 ROUNDS_MAX: Final = 40
 STEPS_MAX: Final = 60
@@ -38,35 +39,6 @@ CAREFUL: Final = 0.4  # of the slack beside a contact that one step may take awa
 FARTHEST: Final = 0.1  # of the length, that one step may slide
 NUDGE: Final = 1e-4  # of a piece, by which a contact that rests on a ridge of the energy is moved off it
 PASSED: Final = 1e-9  # m by which a cable may be too near
-
-
-@dataclass(frozen=True, eq=False)
-class Slide:
-    """A contact that the cable slides over: the rows of the request that are about one point or edge."""
-
-    rows: np.ndarray  # (r,) int, in the request
-    point: np.ndarray  # (3,) m
-    direction: np.ndarray  # (3,) unit along an edge, zero for a point
-    extent: np.ndarray  # (2,) m, from the point along the edge
-    distance: float  # m
-    normal: np.ndarray  # (3,) when it was found
-    s: float  # m, where the cable touches it
-    along: float  # m, from the point along the edge
-    offset: np.ndarray  # (3,) m, from the feature to the bend of the cable
-
-    @property
-    def place(self) -> np.ndarray:
-        """Where the cable bends (3,) [m]."""
-        at: np.ndarray = self.point + self.along * self.direction + self.offset
-        return at
-
-
-@dataclass(frozen=True, eq=False)
-class Hold:
-    """A point of the cable that is held where it is."""
-
-    s: float  # m
-    place: np.ndarray  # (3,) m
 
 
 @dataclass(frozen=True)
@@ -81,37 +53,27 @@ class Draped:
         force: np.ndarray = self.pieces[stop - 1].end_force + self.pieces[stop].start_force
         return force
 
+    def outward(self, stop: int) -> float:
+        """What a contact pushes with [N], away from what it is about; negative where it pulls.
 
-def slides_of(contacts: Contacts, rows: list[int], start: Start | None) -> Slide:
-    """One contact from its rows, at the one that pushes most; if none does, where its normal is most nearly square to the cable."""
-    push = np.einsum("ij,ij->i", contacts.force[rows], contacts.normal[rows])
-    if start is not None and not push.any():
-        segment = np.clip(np.searchsorted(start.s, contacts.s[rows]) - 1, 0, len(start.frames) - 1)
-        x, y, z, w = start.frames[segment].T
-        tangents = np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-        push = -np.abs(np.einsum("ij,ij->i", tangents, contacts.normal[rows]))
-    first = rows[int(np.argmax(push))]
-    normal = contacts.normal[first]
-    return Slide(
-        rows=np.array(rows),
-        point=contacts.point[first],
-        direction=contacts.direction[first] * (contacts.feature[first] == EDGE),
-        extent=contacts.extent[first],
-        distance=float(contacts.distance[first]),
-        normal=normal,
-        s=float(contacts.s[first]),
-        along=0.0,
-        offset=float(contacts.distance[first]) * normal,
-    )
+        The cable may have slid so far that its push has turned by more than a right angle, and still pass on the same hand.
+        """
+        slide, push = self.stops[stop], self.push(stop)
+        assert isinstance(slide, Slide)
+        before, after = self.pieces[stop - 1].end_force, -self.pieces[stop].start_force
+        along = before / max(float(np.linalg.norm(before)), 1e-300) + after / max(float(np.linalg.norm(after)), 1e-300)
+        own = slide.hand @ np.cross(along, push)
+        size = float(np.linalg.norm(slide.hand) * np.linalg.norm(along))
+        return float(own) / size if size > 1e-9 else float(push @ slide.normal)
 
 
-def drape(holds: list[Hold], slides: list[Slide], problem: Problem, load: np.ndarray) -> Draped | str:
-    """The equilibrium over contacts that all push; or a sentence that says which one cannot be reached."""
+def drape(holds: list[Hold], slides: list[Slide], problem: Problem, load: np.ndarray) -> Draped | Refusal:
+    """The equilibrium over contacts that all push; or why there is none."""
     slides = [_between(slide, holds) for slide in slides]
     for _ in range(ROUNDS_MAX):
-        sentence = _too_short(_in_order(holds, slides), problem)
-        if sentence:
-            return sentence
+        refusal = too_short(_in_order(holds, slides), problem)
+        if refusal is not None:
+            return refusal
         slides, draped = _balanced(holds, slides, problem, load)
         moved = 0.0
         for index, slide in enumerate(slides):
@@ -148,21 +110,6 @@ def _between(slide: Slide, holds: list[Hold]) -> Slide:
 
 def _in_order(holds: list[Hold], slides: list[Slide]) -> tuple[Hold | Slide, ...]:
     return tuple(sorted([*holds, *slides], key=lambda stop: stop.s))
-
-
-def _too_short(stops: tuple[Hold | Slide, ...], problem: Problem) -> str:
-    """Why the pieces do not reach from held point to held point over what lies between; empty if they do."""
-    held = [index for index, stop in enumerate(stops) if isinstance(stop, Hold)]
-    for first, last in pairwise(held):
-        way = sum(float(np.linalg.norm(b.place - a.place)) for a, b in pairwise(stops[first : last + 1]))
-        span = stops[last].s - stops[first].s
-        if way > span * (1 + 1e-12) and problem.cable.stretch is None:
-            over = f", over {last - first - 1} contacts between them" if last - first > 1 else ""
-            return (
-                f"the points held at s = {stops[first].s:.4g} m and {stops[last].s:.4g} m are {way:.6g} m apart{over}, "
-                f"further than the {span:.6g} m of cable between them"
-            )
-    return ""
 
 
 def _pieces(stops: tuple[Hold | Slide, ...], problem: Problem, load: np.ndarray) -> Draped:

@@ -75,7 +75,7 @@ def knots(asked: Crossings, chosen: Array, meshes: Sequence[Mesh]) -> tuple[Knot
             first = min(max(int(np.searchsorted(middles, s[0])) - 1, 0), len(middles) - 2)
             last = float(np.clip((s[0] - middles[first]) / (middles[first + 1] - middles[first]), 0.0, 1.0))
             beside[b, side], share[b, side] = (first, first + 1), (1.0 - last, last)
-    return Knots(asked.cable[chosen], element, fraction, np.array(asked.arm[chosen]), beside, share), np.array(asked.force[chosen])
+    return Knots(asked.cable[chosen], element, fraction, asked.arm[chosen].reshape(-1, 2, 3), beside, share), np.array(asked.force[chosen])
 
 
 def points(own: Knots, nodes: Sequence[Array], axes: Sequence[Array]) -> Array:

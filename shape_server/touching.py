@@ -18,10 +18,12 @@ import numpy as np
 from protocol.kinds import FRICTION_CODES, Friction, Outcome
 from protocol.messages import Contacts, Problem
 
-from .draped import PASSED, Draped, Hold, Slide, drape, gap, slides_of
+from .draped import PASSED, Draped, drape, gap
 from .effects.contact import grouped
 from .hanging import SEGMENTS, Hanging, nothing, pieces_of, too_coarse
 from .mesh import Mesh, even, from_nodes, stops
+from .rounding import Refusal
+from .slides import Hold, Slide, slides_of
 
 CHANGES_MAX: Final = 60  # of what holds the cable
 SLIDE_LEAST: Final = 1e-7  # of the length, by which a bond that pulls slides at first; then twice as far
@@ -57,8 +59,8 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hang
         (held.sliding if (contacts.force[slide.rows] != 0.0).any() else held.open).append(slide)
     for _ in range(CHANGES_MAX):
         draped = _drape(problem, load, held)
-        if isinstance(draped, str):
-            return nothing(problem, Outcome.UNREACHABLE, draped)
+        if isinstance(draped, Refusal):
+            return nothing(problem, draped.outcome, draped.sentence)
         if _let_go(problem, load, held, draped):
             continue
         hanging = _shape(problem, load, tolerance, held, draped)
@@ -67,7 +69,7 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hang
     return nothing(problem, Outcome.NOT_CONVERGED, f"its contacts do not settle within {CHANGES_MAX} changes")
 
 
-def _drape(problem: Problem, load: np.ndarray, held: _Held) -> Draped | str:
+def _drape(problem: Problem, load: np.ndarray, held: _Held) -> Draped | Refusal:
     sliding = [slide for slide in held.sliding if not _is_bonded(slide, problem, held.bonds)]
     return drape(_holds(problem, held.bonds), sliding, problem, load)
 
@@ -114,7 +116,7 @@ def _let_go(problem: Problem, load: np.ndarray, held: _Held, draped: Draped) -> 
     bonds = {s: row for row, s in held.bonds.items()}
     for index, stop in enumerate(draped.stops[1:-1], start=1):
         if isinstance(stop, Slide):
-            push = float(draped.push(index) @ stop.normal)
+            push = draped.outward(index)
         elif stop.s in bonds:
             push = float(draped.push(index) @ contacts.normal[bonds[stop.s]])
         else:
@@ -139,8 +141,8 @@ def _slid(problem: Problem, load: np.ndarray, held: _Held, row: int) -> bool:
     def balance(s: float) -> tuple[float, float]:
         """Push [N], and the difference of the tensions [N] after and before, with the bond at s."""
         draped = _drape(problem, load, replace(held, bonds=held.bonds | {row: s}))
-        stop = -1 if isinstance(draped, str) else next((i for i, hold in enumerate(draped.stops) if hold.s == s), -1)
-        if isinstance(draped, str) or not 0 < stop < len(draped.stops) - 1:
+        stop = -1 if isinstance(draped, Refusal) else next((i for i, hold in enumerate(draped.stops) if hold.s == s), -1)
+        if isinstance(draped, Refusal) or not 0 < stop < len(draped.stops) - 1:
             return -np.inf, 0.0
         drawn = float(draped.pieces[stop].tension[0] - draped.pieces[stop - 1].tension[-1])
         return float(draped.push(stop) @ contacts.normal[row]), drawn

@@ -185,7 +185,7 @@ def crossings() -> Crossings:
         normal=np.array([[0.0, 0, 1]]),
         distance=np.full(1, 0.009),
         force=np.array([[0.0, 0, 2]]),
-        arm=np.full((1, 2, 3), 1e-3),
+        arm=np.full((1, 6), 1e-3),
     )
 
 

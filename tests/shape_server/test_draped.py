@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from rods import ALONG_X, GRAVITY, Row, cable, contacts, grasps
 
 from protocol.codec import decode, encode
 from protocol.kinds import Feature, Friction, Outcome
-from protocol.messages import Grasps, Problem, Shape, ShapeReply
+from protocol.messages import Contacts, Grasps, Problem, Shape, ShapeReply, Start
 from shape_server import solve
 from shape_server.catenary import hang
 
@@ -130,6 +131,46 @@ def test_a_chain_that_does_not_reach_over_its_points_is_unreachable() -> None:
     shape = solve(Problem(cable=LONG, grasps=held, contacts=contacts(point(6.0, (2.5, 0.0, 8.0), push=1.0))), GRAVITY)
     assert shape.outcome is Outcome.UNREACHABLE
     assert "over 1 contacts between them" in shape.sentence
+
+
+def test_a_chain_that_is_long_enough_only_around_a_wide_cylinder_is_not_called_unreachable() -> None:
+    """Over a point at 1.5 m: tangents and arc take 8.7 m, the straight pieces of a sharp bend more than the 9.5 m that there are."""
+    wide = {"feature": Feature.VERTEX, "normal": (0.0, 0.0, 1.0), "distance": 1.5, "force": (0.0, 0.0, 1.0)}
+    held = grasps((0.0, (-1.6, 0.0, -2.0), ALONG_X), (9.5, (1.6, 0.0, -2.0), ALONG_X))
+    row = contacts(Row(s=4.75, point=np.zeros(3), **wide))
+    shape = solve(Problem(cable=cable(bending=None, length=9.5), grasps=held, contacts=row), GRAVITY)
+    arm = np.hypot(1.6, 2.0)
+    arc = 2 * (np.pi - np.arctan2(1.6, 2.0) - np.arccos(1.5 / arm))
+    least = 2 * np.sqrt(arm**2 - 1.5**2) + 1.5 * arc
+    assert shape.outcome is Outcome.UNSUPPORTED, shape.sentence
+    assert f"({least:.6g} m)" in shape.sentence
+    short = solve(
+        Problem(cable=cable(bending=None, length=0.99 * least), grasps=_moved(held, 0.99 * least), contacts=_at(row, 3.0)), GRAVITY
+    )
+    assert short.outcome is Outcome.UNREACHABLE
+    assert f"{least:.6g} m apart" in short.sentence
+
+
+def _moved(held: Grasps, last: float) -> Grasps:
+    return msgspec.structs.replace(held, s=np.array([0.0, last]))
+
+
+def _at(row: Contacts, s: float) -> Contacts:
+    return msgspec.structs.replace(row, s=np.array([s]))
+
+
+def test_a_chain_that_snaps_over_a_point_stays_on_the_same_side_of_it() -> None:
+    """The push turns by more than a right angle from the one posture to the other: it does not pull for that."""
+    s, normal, start = 8.877, (0.0, 0.0, 1.0), None
+    for x in (3.2, 2.8, 2.4, 2.0, 1.6, 1.3, 1.1):
+        row = contacts(point(s, (x, 0.0, -2.5), push=1.0, normal=normal))
+        shape = solve(Problem(cable=LONG, grasps=ENDS, contacts=row, start=start), GRAVITY)
+        force = shape.contact_forces[0]
+        assert np.linalg.norm(force) > 0.5
+        s, normal = float(shape.contact_s[0]), tuple((force / np.linalg.norm(force)).tolist())
+        start = Start(s=shape.s, frames=shape.frames, grasp_forces=np.ascontiguousarray(shape.grasp_wrenches[:, :3]))
+    assert s == pytest.approx(2.738, abs=1e-3)
+    assert np.ptp(kinetic(shape)) < 1e-3
 
 
 def test_an_elastic_cable_slides_too() -> None:

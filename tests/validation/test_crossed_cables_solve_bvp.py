@@ -81,7 +81,7 @@ def laid(lower: Cable, height: float, segments: int) -> tuple[tuple[Shape, ...],
         tangents = np.cos(angle)[:, None] * along(k) + np.sin(angle)[:, None] * np.array([0.0, 0.0, 1.0])
         grasps = Grasps(
             s=np.array([0.0, cable.length]),
-            position=np.array([-HALF * along(k), HALF * along(k)]) + [0.0, 0.0, z],
+            position=np.outer([-HALF, HALF], along(k)) + np.array([0.0, 0.0, z]),
             quaternion=np.array([quaternion, quaternion]),
             hold=(Hold.CLAMP, Hold.CLAMP),
         )
@@ -96,7 +96,7 @@ def laid(lower: Cable, height: float, segments: int) -> tuple[tuple[Shape, ...],
         normal=np.tile([0.0, 0.0, 1.0], (count, 1)),
         distance=np.full(count, DIAMETER),
         force=np.zeros((count, 3)),
-        arm=np.zeros((count, 2, 3)),
+        arm=np.zeros((count, 6)),
     )
     request = ShapeRequest(
         session="s", step=0, round=0, gravity=(0.0, 0.0, -GRAVITY), tolerance=1e-3, problems=tuple(problems), crossings=crossings
