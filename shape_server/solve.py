@@ -63,11 +63,8 @@ def solve(
     clock = None if budget is None else Clock(budget, progress)
     used = effects.asked_for(problem, gravity)
     model = ladder.choose(problem, gravity, tolerance)
-    if any(problem.turns) and model is not Model.ROD:
-        sentence = f"whole turns of twist were asked for, which the model '{model.value}' does not know; ask for the rod"
-        return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
-    if problem.self_contacts is not None and model is not Model.ROD:
-        sentence = f"the model '{model.value}' does not meet itself; ask for the rod, with 'bending' and 'twist'"
+    sentence = _too_much_for(model, problem)
+    if sentence:
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
         return ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path)
@@ -82,17 +79,7 @@ def solve(
     if sentence:
         return no_shape(problem, used, Outcome.UNREACHABLE, sentence, "rod", time.perf_counter() - begun)
     task = Task(problem, gravity, tolerance, budget, extrapolate, margin, used, path, clock or progress, begun)
-    if len(pieces.cuts(problem)) == 2:
-        return _one_piece(task)
-    parts = pieces.split(problem, gravity)
-    shapes = []
-    for number, part in enumerate(parts):
-        own = replace(task, problem=part, used=effects.asked_for(part, gravity), begun=time.perf_counter())
-        if clock is not None:  # a piece that needed less leaves more for those that come
-            share = clock.rest / (len(parts) - number)
-            own = replace(own, budget=share, progress=Clock(share, progress))
-        shapes.append(_one_piece(own))
-    return pieces.join(problem, shapes)
+    return _one_piece(task) if len(pieces.cuts(problem)) == 2 else _pieces(task, clock, progress)
 
 
 def answer(problem: Problem, request: ShapeRequest, path: ModuleType, progress: Progress = lambda iteration, residual: None) -> Shape:
@@ -111,6 +98,27 @@ def answer(problem: Problem, request: ShapeRequest, path: ModuleType, progress: 
 
 def _one_piece(task: Task) -> Shape:
     return cold(task) if task.problem.start is None else warm(task)
+
+
+def _pieces(task: Task, clock: Clock | None, progress: Progress) -> Shape:
+    """The pieces of a cable between its clamps, one after the other."""
+    parts, shapes = pieces.split(task.problem, task.gravity), []
+    for number, part in enumerate(parts):
+        own = replace(task, problem=part, used=effects.asked_for(part, task.gravity), begun=time.perf_counter())
+        if clock is not None:  # a piece that needed less leaves more for those that come
+            share = clock.rest / (len(parts) - number)
+            own = replace(own, budget=share, progress=Clock(share, progress))
+        shapes.append(_one_piece(own))
+    return pieces.join(task.problem, shapes)
+
+
+def _too_much_for(model: Model, problem: Problem) -> str:
+    """Why a model other than the rod does not do; empty if it does."""
+    if any(problem.turns) and model is not Model.ROD:
+        return f"whole turns of twist were asked for, which the model '{model.value}' does not know; ask for the rod"
+    if problem.self_contacts is not None and model is not Model.ROD:
+        return f"the model '{model.value}' does not meet itself; ask for the rod, with 'bending' and 'twist'"
+    return ""
 
 
 def _not_a_rod(problem: Problem) -> str:
