@@ -11,9 +11,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "viz_client"))
 
-from synthetic import frame  # noqa: E402
+from synthetic import frame
 
-from scenarios.scene_study import apart  # noqa: E402
+from scenarios.scene_study import apart
 
 
 def test_runs_are_compared_where_both_have_a_time_and_at_equal_arc_lengths() -> None:
