@@ -143,7 +143,7 @@ def test_a_private_directory_admits_its_owner_only() -> None:
             Hello(version=VERSION + 1, role="viewer"),
             f"the peer 'viewer' speaks version {VERSION + 1} of '{PROJECT}', this program version {VERSION}",
         ),
-        (Hello(version=VERSION, role="viewer", project="protocol"), "'viewer' speaks version 3 of 'protocol'"),
+        (Hello(version=VERSION, role="viewer", project="protocol"), f"'viewer' speaks version {VERSION} of 'protocol'"),
     ],
 )
 def test_another_version_or_project_is_answered_by_an_error(server: Server, hello: Hello, words: str) -> None:
