@@ -64,7 +64,6 @@ class Loop:
         self._stage = stage
         self._asker = asker
         self._session = session
-        self._effects = table_of(stage.scene.effects)
         self._meter = Meter()
         self._collisions: tuple[tuple[str, str], ...] = ()
         self._round = 0
@@ -215,14 +214,14 @@ class Loop:
 
     def _problems(self, goal: Posture, cables: Sequence[Hanging | None], grasps: list[Grasps]) -> tuple[Problem, ...]:
         """What to ask the shape server: every cable with its present boundary conditions."""
-        begun, count = time.perf_counter(), self._stage.body_count
+        begun, count, table = time.perf_counter(), self._stage.body_count, table_of(self._stage.scene.effects)
         problems = []
         for cable, grasp, was in zip(self._stage.scene.cables, grasps, cables, strict=True):
             contacts = None
             if was is not None:
                 contacts = was.boundary.contacts(joined(was, count, self._reach.bodies), was.shape.s, goal.surfaces, goal.time)
             start, own = start_of(was), meetings(was)
-            problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start, self_contacts=own, effects=self._effects))
+            problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start, self_contacts=own, effects=table))
         self._meter.search += time.perf_counter() - begun
         return tuple(problems)
 

@@ -27,7 +27,7 @@ import msgspec
 import numpy as np
 
 from protocol.effects import CHOOSABLE, GOING, WITH_BENDING, Predicted
-from protocol.kinds import Model, Outcome
+from protocol.kinds import Model, Outcome, SelfInteraction
 from protocol.messages import Problem, Shape, Start
 from protocol.scene import Vector
 
@@ -60,12 +60,15 @@ class Choice:
     @cached_property
     def needed(self) -> Set[str]:
         """Left out as asked only: what nothing is gained by, or what no closed form covers the rest of."""
-        return {"gravity", "twist"} | (set() if self.may_hang else {"bending"})
+        own = {"bend_radius"} if self.problem.cable.self_interaction is SelfInteraction.FICTITIOUS else set()
+        return {"gravity", "twist"} | own | (set() if self.may_hang else {"bending"})
 
     @cached_property
     def may_hang(self) -> bool:
         """Whether a cable without bending would be one that a closed form covers: nothing in reach, no turns, no sections."""
         problem = self.problem
+        if problem.cable.self_interaction is not SelfInteraction.TRANSPARENT:
+            return False
         if problem.contacts is not None or problem.self_contacts is not None or any(problem.turns) or problem.branch:
             return False
         if problem.model is not Model.AUTO or any(self.forced.get(name) for name in ("bending", *WITH_BENDING, "masses", "loads")):

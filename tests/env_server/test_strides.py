@@ -59,8 +59,8 @@ def test_a_sharp_lip_that_rises_lifts_the_cable(tmp_path: Path) -> None:
         assert cable.shape.outcome.value == "converged", cable.shape.sentence
         assert cable.bodies.penetration < 2e-6
     lip = step.posture.surfaces[0, 2] + 0.05
-    here = np.argmin(np.abs(cable.shape.nodes[:, 1] - 0.05))
-    assert cable.shape.nodes[here, 2] == pytest.approx(lip + 0.003, abs=2e-3)
+    height = np.interp(0.05, cable.shape.nodes[:, 1], cable.shape.nodes[:, 2])
+    assert height == pytest.approx(lip + 0.003, abs=2e-3)  # m; measured 1.5e-3 more, where the cable slopes over the lip
     assert lip > LOWEST + 0.06
 
 
