@@ -40,13 +40,13 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
         ),
         Phenomenon(
             "length of cable taken at the same pulls",
-            "less for the free one: its inclination is that of least length",
+            "less for the free one",
             f"{level:.2f} mm more with the inclination at zero than with it free",
             level > 0.0,
         ),
         Phenomenon(
             "of all inclinations",
-            "the free one is the result of a minimum",
+            "the free one is the result of a minimum (of length: see what differs)",
             f"energy is least at {least:.2f} degrees; length at the same pulls at {_lowest(angles, lengths):.0f} degrees",
             abs(least - free) < 0.5,
         ),
