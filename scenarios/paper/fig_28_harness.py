@@ -115,6 +115,6 @@ FIGURE = Figure(
     claim="In the automated assembly of a harness the left arm first moves vertically (screenshots 1 and 2), then horizontally, towards"
     " the viewer (3 and 4), where the cable interacts with the dashboard; in screenshots 4 and 5 the motion is vertical. Shape "
     "calculator and simulation environment communicate by sockets.",
-    takes=(Take("harness", "harness_assembly", ("time_step=0.05",), pictures=True),),
+    takes=(Take("harness", "harness_assembly", pictures=True),),
     measure=measure,
 )
