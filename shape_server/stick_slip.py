@@ -28,7 +28,7 @@ from .symmetric import solve_symmetric
 ROUNDS_MAX = 100
 LAW_DONE = 1e-9  # of the force, by which a sliding contact may miss its law
 SLACK = 1e-9  # of the force at rest, within which a contact may as well stick
-SPREAD = 1e-12  # of a contact's gap, by which it gives way: three on one straight segment say the same twice, and share the force
+SPREAD = 1e-12  # of the largest entry of a row, by which contacts that say the same give way, so that they share the force
 
 
 @njit(cache=True, error_model="numpy")
@@ -235,13 +235,20 @@ def _solved(matrix, right, rub_of, rub, at, hard, closed, sticks, normal):  # ty
         scale = 1.0 / max(np.abs(own[i]).max(), 1e-300)
         own[i] *= scale
         rest[i] *= scale
-        if on[i] < many:
-            own[i, i] += SPREAD
     if np.isfinite(own).all() and np.isfinite(rest).all():
-        out[on] = np.linalg.solve(own, rest)
+        out[on] = _shared(own, rest)
     else:
         out[on] = np.nan
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _shared(own, rest):  # type: ignore[no-untyped-def]
+    """The solution of rows; where some say the same, as three contacts on one straight segment, one with forces that are shared."""
+    try:
+        return np.linalg.solve(own, rest)
+    except Exception:  # the only kind that numba catches; here it is that the matrix has no inverse
+        return np.linalg.solve(own + SPREAD * np.eye(len(rest)), rest)
 
 
 @njit(cache=True, error_model="numpy")

@@ -53,16 +53,6 @@ def fan(count: int) -> Shell:
     return np.vstack([np.zeros(3), rim]), np.column_stack([np.zeros(count, dtype=np.int64), 1 + here, 1 + (here + 1) % count])
 
 
-def prism(radius: float, sides: int) -> Shell:
-    """The sides of a prism about the y axis, 0.4 m long, with its edges on a circle."""
-    angles = 2 * np.pi * np.arange(sides) / sides
-    ring = radius * np.column_stack([np.cos(angles), np.zeros(sides), np.sin(angles)])
-    here, after = np.arange(sides), (np.arange(sides) + 1) % sides
-    triangles = np.vstack([np.column_stack([here, here + sides, after]), np.column_stack([after, here + sides, after + sides])])
-    half = np.array([0.0, 0.2, 0.0])
-    return np.vstack([ring - half, ring + half]), triangles
-
-
 def written(scene: Scene, shells: Mapping[str, Shell], folder: Path) -> Scene:
     """The scene with the mesh of every body that names a shell in a file of its own."""
     bodies = []
