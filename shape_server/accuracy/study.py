@@ -91,11 +91,12 @@ def study(static: Static, told: Callable[[str], None] = lambda sentence: None) -
     for group, setting, ask in _settings(static):
         told(f"{static.name}: {group}, {setting}")
         shape, seconds = _timed(ask)
-        if shape.outcome is not Outcome.CONVERGED or shape.error is None:
+        if shape.outcome is not Outcome.CONVERGED:
             refused.append((f"{group}, {setting}", shape.sentence))
             continue
         away, cost = true_error(shape, exact), shape.cost.factorisations
-        rows.append(Row(group, setting, away / length, shape.error / length, seconds, len(shape.s), cost, shape.model))
+        estimate = math.inf if shape.error is None else shape.error / length
+        rows.append(Row(group, setting, away / length, estimate, seconds, len(shape.s), cost, shape.model))
     peers, missing = list[str](), list[str]()
     if boundary_value.is_covered(static.problem):
         told(f"{static.name}: {PEER}")
