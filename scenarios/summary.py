@@ -21,6 +21,7 @@ from protocol.messages import Bill, Frame, Shape
 from protocol.scene import Scene
 
 from .passing import distance
+from .timeline import Timeline, sentences
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -44,10 +45,11 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
         Plain values with their units in the names. `steps_per_second` is the number of steps over the sum of their bills'
         totals, without the first `WARM_UP` steps and without what was held by pauses; hard steps count in full.
     """
-    tally = _Tally()
+    tally, timeline = _Tally(), Timeline(run.snapshot.scene)
     for frame in run.frames:
         if not frame.relaxation:  # what is shown on the way from one equilibrium to the next was not solved
             tally.add(frame, run.snapshot.scene)
+            timeline.add(frame)
     finished = run.finished
     return {
         "scene": run.snapshot.scene.title,
@@ -57,6 +59,7 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
         "steps_planned": run.snapshot.steps,
         "wall_s": wall,
         **tally.values(),
+        "effects": timeline.values(),
         "versions": dict(run.snapshot.versions),
     }
 
@@ -101,6 +104,10 @@ def table(summary: Summary) -> Table:
     )
     if count := summary["steps_with_overlapping_cables"]:
         rows = (*rows, ("cables", f"[red]in each other in {count} steps; contact between two cables is not simulated[/red]"))
+    rows = (
+        *rows,
+        *(("effects", f"[red]{escape(text)}[/red]" if is_bad else escape(text)) for text, is_bad in sentences(summary["effects"])),
+    )
     for label, text in rows:
         shown.add_row(label, text)
     return shown
