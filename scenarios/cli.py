@@ -282,6 +282,29 @@ def audit(
     return done.returncode if done.returncode >= 0 else 1
 
 
+@app.command
+def effects(
+    scene: SceneName = "harness_assembly",
+    /,
+    *,
+    settings: Settings = None,
+    json_file: Annotated[Path | None, Parameter(name="--json", help="Write every effect with its size and cost.")] = None,
+) -> int:
+    """Print what each effect of a scene's cables could change at the start, and what it costs when it is on."""
+    import subprocess
+
+    from protocol.codec import encode
+
+    from .children import command, environment
+    from .load import load
+    from .start_request import start_request
+
+    words = ["effects", *(["--json", str(json_file)] if json_file is not None else [])]
+    request = encode(start_request(load(scene, settings or ())))
+    done = subprocess.run(command("shape_server.accuracy", words), input=request, env=environment(), check=False)
+    return done.returncode if done.returncode >= 0 else 1
+
+
 def _plural(word: str, count: int) -> str:
     if count == 1:
         return word

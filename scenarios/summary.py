@@ -21,6 +21,7 @@ from protocol.messages import Bill, Frame, Shape
 from protocol.scene import Scene
 
 from .passing import distance
+from .timeline import Timeline, sentences
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,12 +46,13 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
         Plain values with their units in the names. `steps_per_second` is the number of steps over the sum of their bills'
         totals, without the first `WARM_UP` steps and without what was held by pauses; hard steps count in full.
     """
-    tally = _Tally()
+    tally, timeline = _Tally(), Timeline(run.snapshot.scene)
     for frame in run.frames:
         if frame.relaxation:  # what is shown on the way from one equilibrium to the next was not solved
             tally.between += 1
         else:
             tally.add(frame, run.snapshot.scene)
+            timeline.add(frame)
     finished = run.finished
     return {
         "scene": run.snapshot.scene.title,
@@ -60,6 +62,7 @@ def summarise(run: recording.Recording, *, wall: float | None = None) -> Summary
         "steps_planned": run.snapshot.steps,
         "wall_s": wall,
         **tally.values(),
+        "effects": timeline.values(),
         "versions": dict(run.snapshot.versions),
     }
 
@@ -106,6 +109,10 @@ def table(summary: Summary) -> Table:
         rows = (*rows, ("cables", f"[red]in each other in {count} steps; they touch if both have the same self_interaction[/red]"))
     if count := summary["frames_between_equilibria"]:
         rows = (*rows, ("snaps", f"shown as an artificial motion, in {count} frame{'s' if count > 1 else ''}"))
+    rows = (
+        *rows,
+        *(("effects", f"[red]{escape(text)}[/red]" if is_bad else escape(text)) for text, is_bad in sentences(summary["effects"])),
+    )
     for label, text in rows:
         shown.add_row(label, text)
     return shown

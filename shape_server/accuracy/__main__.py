@@ -1,4 +1,4 @@
-"""Study or audit the price of accuracy: `python -m shape_server.accuracy study|audit`, used by `cablecosim accuracy` and `audit`."""
+"""Study or audit the price of accuracy: `python -m shape_server.accuracy study|audit|effects`, used by `cablecosim accuracy` and others."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import json
 import sys
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def main() -> int:
     if not is_compiled():
         _say("compiling the kernels first, for a minute or two")
     try:
-        return _audit(arguments) if arguments.task == "audit" else _study(arguments)
+        return {"audit": _audit, "study": _study, "effects": _effects}[arguments.task](arguments)
     except CablecosimError as error:
         sys.stderr.write(f"accuracy: {error}\n")
         return 2
@@ -45,7 +46,7 @@ def main() -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m shape_server.accuracy", description=__doc__)
-    parser.add_argument("task", choices=["study", "audit"], help="errors against time, or estimates against errors")
+    parser.add_argument("task", choices=["study", "audit", "effects"], help="errors against time, estimates against errors, or effects")
     parser.add_argument("--problem", action="append", metavar="NAME", help="study: one of the standard set; all unless given")
     parser.add_argument("--measured", type=Path, metavar="FILE", help="study: rows that were measured elsewhere, to be reported too")
     parser.add_argument("--nothing-else", action="store_true", help="study: nothing but what is named or measured elsewhere")
@@ -83,6 +84,22 @@ def _audit(arguments: argparse.Namespace) -> int:
     sys.stdout.write(audit_table(found) + "\n")
     _write(arguments.json, audit_json(results, found))
     return 0 if found[-1].is_true else 1
+
+
+def _effects(arguments: argparse.Namespace) -> int:
+    """Of a request that comes in through standard input."""
+    from protocol.codec import decode
+    from protocol.messages import ShapeRequest
+
+    from .effect_costs import costs, costs_table
+
+    request = decode(sys.stdin.buffer.read())
+    if not isinstance(request, ShapeRequest):
+        raise CablecosimError(f"a {type(request).__name__} has no effects; give a ShapeRequest")
+    rows = costs(request)
+    sys.stdout.write(costs_table(rows, request.tolerance) + "\n")
+    _write(arguments.json, [asdict(row) for row in rows])
+    return 0
 
 
 def _write(file: Path | None, report: object) -> None:

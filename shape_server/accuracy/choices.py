@@ -29,7 +29,7 @@ from .draws import Draw
 from .effect_draws import draw_effects
 
 FINER: Final = 50.0
-REPEATS: Final = 3
+REPEATS: Final = 15
 LEAVES: Final = ("stretch", "preform", "micro_length", "bend_radius", "masses")
 
 
@@ -64,13 +64,18 @@ class Chosen:
 def compared(seed: int, *, hindsight: bool = True) -> Chosen:
     """The request of a seed, answered by the automatic choice and by every other one."""
     drawn = draw_effects(seed)
-    seconds, shape = _timed(drawn, drawn.problem)
+    _, shape = _timed(drawn, drawn.problem, 1)
     if shape.outcome is not Outcome.CONVERGED or shape.error is None:
         return Chosen(seed, drawn.kind, f"no shape: {shape.sentence}")
     exact = reference(drawn.problem, drawn, shape)
     if exact is None:
         return Chosen(seed, drawn.kind, "no reference was found")
-    best, model = _best(drawn, exact) if hindsight else (0.0, "")
+    cheapest = _best(drawn, exact) if hindsight else None
+    seconds, best, model = 0.0, 0.0, ""
+    if cheapest is not None:
+        # Alternately and equally often, so that both have the same chance of a quiet moment.
+        pairs = [(_timed(drawn, drawn.problem, 1)[0], _timed(drawn, cheapest, 1)) for _ in range(REPEATS)]
+        seconds, best, model = min(own for own, _ in pairs), min(other for _, (other, _) in pairs), pairs[0][1][1].model
     return Chosen(
         seed=seed,
         kind=drawn.kind,
@@ -115,25 +120,26 @@ def true_distance(shape: Shape, exact: Shape) -> float:
     return float(np.linalg.norm(CubicSpline(exact.s, exact.nodes)(shape.s) - shape.nodes, axis=1).max())
 
 
-def _best(drawn: Draw, exact: Shape) -> tuple[float, str]:
-    """CPU time [s] and model of the cheapest choice that keeps the tolerance."""
+def _best(drawn: Draw, exact: Shape) -> Problem | None:
+    """The cheapest choice that keeps the tolerance."""
     asked = effects.asked_for(drawn.problem, drawn.gravity)
     leaves = [name for name in LEAVES if name in asked]
-    best, model = np.inf, ""
+    best, cheapest = np.inf, None
     for count in range(len(leaves) + 1):
         for off in combinations(leaves, count):
             for gone in (set(off), {*off, "bending", *WITH_BENDING}):
                 problem, _ = without(drawn.problem, drawn.gravity, gone)
                 problem = msgspec.structs.replace(problem, effects=None)
-                seconds, shape = _timed(drawn, problem)
+                seconds, shape = _timed(drawn, problem, 2)
                 if shape.outcome is Outcome.CONVERGED and seconds < best and true_distance(shape, exact) <= drawn.tolerance:
-                    best, model = seconds, shape.model
-    return (0.0, "") if np.isinf(best) else (best, model)
+                    best, cheapest = seconds, problem
+    return cheapest
 
 
-def _timed(drawn: Draw, problem: Problem) -> tuple[float, Shape]:
+def _timed(drawn: Draw, problem: Problem, repeats: int) -> tuple[float, Shape]:
+    """Least CPU time [s] of an answer, and the answer."""
     best = np.inf
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         begun = time.process_time()
         shape = solve(problem, drawn.gravity, tolerance=drawn.tolerance, path=kernels)
         best = min(best, time.process_time() - begun)

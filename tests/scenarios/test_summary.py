@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
+import msgspec
 import pytest
-from msgspec.structs import replace
 from recordings import frame, record, shape
 from rich.console import Console
 
 from protocol.kinds import Outcome
-from protocol.messages import Finished
+from protocol.messages import Finished, Predicted, Shape
 from scenarios import summary
 
 END = Finished(session="test", frames=4, failed=False, sentence="every move is done")
@@ -88,7 +89,7 @@ def shown(found: summary.Summary) -> str:
 
 
 def test_frames_between_two_equilibria_count_as_such_and_nowhere_else(tmp_path: Path) -> None:
-    frames = [frame(0), replace(frame(1, penetration=1.0), relaxation=0.5), frame(2)]
+    frames = [frame(0), msgspec.structs.replace(frame(1, penetration=1.0), relaxation=0.5), frame(2)]
     found = summary.summarise(record(tmp_path / "r", frames))
     assert (found["steps"], found["frames_between_equilibria"]) == (1, 1)
     assert found["worst_penetration_m"] < 1.0
@@ -96,3 +97,24 @@ def test_frames_between_two_equilibria_count_as_such_and_nowhere_else(tmp_path: 
     with console.capture() as shown:
         console.print(summary.table(found))
     assert "artificial motion, in 1 frame" in shown.get()
+
+
+def test_the_summary_says_when_effects_were_on_and_what_those_left_out_could_have_changed(tmp_path: Path) -> None:
+    def with_choice(*, is_on: bool, why: str, size: float) -> Shape:
+        one = Predicted(name="stretch", size=size, force=1.0, curvature=0.1, is_on=is_on, why=why)
+        return msgspec.structs.replace(shape(), predicted=(one,))
+
+    frames = [
+        frame(0, shapes=(with_choice(is_on=True, why="above", size=5e-4),)),
+        frame(1, shapes=(with_choice(is_on=False, why="below", size=2e-5),)),
+        frame(2, shapes=(with_choice(is_on=False, why="below", size=3e-5),)),
+        frame(3, shapes=(with_choice(is_on=False, why="asked", size=0.7),)),
+    ]
+    found = summary.summarise(record(tmp_path / "r", frames, finished=END))
+    (one,) = found["effects"]
+    assert (one["effect"], [stretch["why"] for stretch in one["stretches"]]) == ("stretch", ["above", "below", "asked"])
+    assert one["stretches"][1]["size_m"] == 3e-5
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(summary.table(found))
+    assert "'stretch'" in (text := console.export_text())
+    assert "as asked" in text
