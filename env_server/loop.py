@@ -27,7 +27,6 @@ from .crossed import Crossed
 from .first_touch import with_first_touches, within
 from .hanging import Hanging, accepted, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .looking import Reach
-from .slid_over import have_slid_over
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped
 from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion, slipped_through
@@ -181,8 +180,6 @@ class Loop:
                 crossed = crossed.after(asked, reactions).looked(shapes, self._reach.own)
                 done.is_settled &= crossed.is_settled(asked, shapes)
             share = self._free_share(anchor, anchor_crossed, done_at, goal, hanging)
-            if may_jump and done.is_settled and before is not None and have_slid_over(self._stage, before.cables, hanging, goal):
-                share = 1.0
             done.may_have_passed = share < 1.0
             if anchor is not None and share < 1.0 and may_jump:
                 hanging = [self._part_way(*item, share, goal) for item in enumerate(zip(anchor, hanging, grasps, strict=True))]

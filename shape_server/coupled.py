@@ -183,8 +183,8 @@ def _step(group: Group, now: Together, rods: Sequence[Rod], couples: Sequence[Ar
     parts = []
     for i, rod in enumerate(rods):
         more = np.zeros((len(rod.lengths), 3, shared))
-        for own in (tied[i], crossed[i]):
-            spread = Spread(own.row, own.node, own.coef)
+        for strip in (tied[i], crossed[i]):
+            spread = Spread(strip.row, strip.node, strip.coef)
             path.add_spread(now.views[i].axes, rod.lengths, rod.base, spread, more)
         for segment, row, slope in turned[i]:
             more[segment, :, row] += slope
@@ -240,8 +240,7 @@ def _part(path: ModuleType, rod: Rod, state: State, view: View, couples: Array, 
     size = 3 * len(gradient)
     answers = right.reshape(size, -1)
     schur = columns.reshape(size, -1).T @ answers
-    unbalanced = float((np.abs(gradient) / rod.lengths[:, None]).max())
-    return _Part(border, answers, schur, int(negative), unbalanced)
+    return _Part(border, answers, schur, int(negative), float((np.abs(gradient) / rod.lengths[:, None]).max()))
 
 
 class _Rows:

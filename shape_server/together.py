@@ -78,9 +78,9 @@ def _together(
     rows = np.flatnonzero(np.isin(asked.cable[:, 0], members))
     asked = _renumbered(asked, rows, members)
     meshes = [_mesh(problem) for problem in problems]
-    group, *begun = _equations(tasks, meshes, asked)
+    group, met, push, pull = _equations(tasks, meshes, asked)
     states = [system.start(frames) for system, frames in zip(group.systems, _frames(problems), strict=True)]
-    found = coupled.settle(group, coupled.begin(group, states, *begun))
+    found = coupled.settle(group, coupled.begin(group, states, met, push, pull))
     if not found.is_good:
         why = f"cables that touch each other, together: {WHY[found.why]}"
         outcome = Outcome.UNSTABLE if found.why == UNSTABLE else Outcome.NOT_CONVERGED
@@ -143,10 +143,10 @@ def _solutions(tasks: Sequence[Task], group: Group, found: coupled.Outcome) -> l
 def _coarser(tasks: Sequence[Task], meshes: Sequence[Mesh], asked: Crossings, fine: Group, found: coupled.Outcome) -> list[Solution] | None:
     """The same shapes on every second node, for the estimate; None if these do not converge."""
     asked = msgspec.structs.replace(asked, force=_forces(asked, found), s=_places(asked, fine, found, meshes))
-    group, *begun = _equations(tasks, [halved(mesh) for mesh in meshes], asked)
+    group, met, push, pull = _equations(tasks, [halved(mesh) for mesh in meshes], asked)
     pairs = zip(group.systems, fine.systems, found.now.states, strict=True)
     states = [transfer(group.path, coarse, system, State(*state)) for coarse, system, state in pairs]
-    near = coupled.compare(group, coupled.begin(group, states, *begun))
+    near = coupled.compare(group, coupled.begin(group, states, met, push, pull))
     return _solutions(tasks, group, near) if near.why == DONE else None
 
 
