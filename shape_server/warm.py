@@ -10,10 +10,11 @@ from protocol.kinds import SelfInteraction
 from protocol.messages import Shape
 
 from .answer import rod_shape
+from .clock import OutOfTime
 from .descent import off_the_saddle, relax
 from .equilibrium import NEAR, NO_MINIMUM, WHY, Settled
 from .mesh import Mesh, from_nodes, halved
-from .refine import cold, failed, judged
+from .refine import cold, failed, judged, late
 from .richardson import transfer
 from .rod import State
 from .task import Solution, Task
@@ -22,7 +23,14 @@ PATIENCE: Final = 4  # descents one after the other of a cable that meets itself
 
 
 def warm(task: Task) -> Shape:
-    """Solve from the start shape; relax from it, or start anew, where that is needed."""
+    """Solve from the start shape; relax from it, or start anew, where that is needed and within a budget."""
+    try:
+        return _warm(task)
+    except OutOfTime as what:
+        return late(task, what, 0)
+
+
+def _warm(task: Task) -> Shape:
     start = task.problem.start
     assert start is not None
     system = task.system(from_nodes(np.array(start.s), task.problem.cable.length, task.problem.grasps.s))

@@ -113,7 +113,7 @@ def _size_of(problem: Problem, gravity: Vector) -> tuple[int, int]:
         assert part.start is not None
         mesh = from_nodes(np.array(part.start.s), part.cable.length, part.grasps.s)
         rod = build(part, gravity, effects.asked_for(part, gravity), mesh).rod
-        unknowns += 3 * len(rod.lengths) + len(rod.held.element) + len(rod.touch.contact)
+        unknowns += 3 * len(rod.lengths) + len(rod.held.rows) + len(rod.touch)
         band = max(band, PENTADIAGONAL if len(rod.elastic.smoothing) else TRIDIAGONAL)
     return unknowns, band
 
