@@ -173,7 +173,7 @@ def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: fl
             shape = _solved(choice, off, expected, tolerance, budget, plainly)
         if shape.outcome is not Outcome.CONVERGED:
             if off == choice.closed(choice.refused):
-                return shape
+                return shape if budget is None else _or_hung(choice, shape, off, tolerance, plainly, begun)
             off, expected, near = choice.closed(choice.refused), 0.0, None
             continue
         sizes = choice.sizes(seen_in(bare, gravity, shape, path))
@@ -185,21 +185,21 @@ def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: fl
         off = choice.closed(choice.refused) if "bending" in more else off - more
         expected = sum(choice.left_out(sizes, off - choice.refused).values())
     answer = _priced(choice, shape, sizes, off, time.perf_counter() - begun)
-    if budget is None or "bending" in off or "bending" not in choice.free or answer.error is None:
+    return answer if budget is None else _or_hung(choice, answer, off, tolerance, plainly, begun)
+
+
+def _or_hung(choice: Choice, answer: Shape, off: Set[str], tolerance: float, plainly: Plainly, begun: float) -> Shape:
+    """The answer within a budget, or the shape without bending, if that is better; where the answer's error is not known, good enough."""
+    if "bending" in off or "bending" not in choice.free:
         return answer
-    hung = _hung(choice, answer.error, plainly, begun)
-    return answer if hung is None or hung.error is None or hung.error >= answer.error else hung
-
-
-def _hung(choice: Choice, error: float, plainly: Plainly, begun: float) -> Shape | None:
-    """The shape without bending, where within a budget a rod is no better than `error` [m]; None where it cannot be."""
-    off = choice.closed({"bending", *(name for name in ("masses", "loads") if name in choice.free)} | choice.refused)
-    shape = _solved(choice, off, 0.0, error, None, plainly)
+    error = answer.error if answer.outcome is Outcome.CONVERGED and answer.error is not None else tolerance
+    without_it = choice.closed({"bending", *(name for name in ("masses", "loads") if name in choice.free)} | choice.refused)
+    shape = _solved(choice, without_it, 0.0, error, None, plainly)
     if shape.outcome is not Outcome.CONVERGED:
-        return None
-    return _priced(
-        choice, shape, choice.sizes(seen_in(choice.problem, choice.gravity, shape, choice.path)), off, time.perf_counter() - begun
-    )
+        return answer
+    sizes = choice.sizes(seen_in(choice.problem, choice.gravity, shape, choice.path))
+    hung = _priced(choice, shape, sizes, without_it, time.perf_counter() - begun)
+    return answer if hung.error is None or hung.error >= error else hung
 
 
 def without(problem: Problem, gravity: Vector, off: Set[str]) -> tuple[Problem, Vector]:
