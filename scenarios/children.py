@@ -101,6 +101,12 @@ def command(name: str, arguments: Sequence[str]) -> list[str]:
     return [sys.executable, "-P", "-m", name, *arguments]
 
 
+def run_to_its_end(name: str, arguments: Sequence[str], message: bytes | None = None) -> int:
+    """Exit code of a program that is given a message and prints to the terminal; 1 if a signal ended it."""
+    done = subprocess.run(command(name, arguments), input=message, env=environment(), check=False)
+    return done.returncode if done.returncode >= 0 else 1
+
+
 def environment() -> dict[str, str]:
     """The environment of a child: ours, and the very packages that we were imported from."""
     paths = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]

@@ -182,17 +182,14 @@ def calibrate(
     settings: Settings = None,
 ) -> int:
     """Fit a cable's stiffness to measured points of its shape; say how well each number is determined."""
-    import subprocess
-
     from protocol.codec import encode
 
-    from .children import command, environment
+    from .children import run_to_its_end
     from .posture import load_posture
 
     request = load_posture(posture, settings or ()).request()
     words = [str(points), *(["--fit", *fit] if fit else []), *(["--json", str(json_file)] if json_file is not None else [])]
-    done = subprocess.run(command("shape_server.calibration", words), input=encode(request), env=environment(), check=False)
-    return done.returncode if done.returncode >= 0 else 1
+    return run_to_its_end("shape_server.calibration", words, encode(request))
 
 
 @app.command
@@ -229,9 +226,7 @@ def accuracy(
     out: Annotated[Path, Parameter(help="Folder for accuracy.json and accuracy.html.")] = Path("runs/accuracy"),
 ) -> int:
     """Show what accuracy costs in time: true errors of every model, mesh, tolerance, budget and effect set against CPU time."""
-    import subprocess
-
-    from .children import command, environment
+    from .children import run_to_its_end
     from .load import built_in
 
     out.mkdir(parents=True, exist_ok=True)
@@ -243,11 +238,7 @@ def accuracy(
 
         measured.write_text(json.dumps(study_scenes(scenes)), encoding="utf-8")
         words += ["--measured", str(measured), *(["--nothing-else"] if problem and len(scenes) == len(problem) else [])]
-    for program, arguments in (("shape_server.accuracy", words), ("viz_client", ["--accuracy", str(report)])):
-        done = subprocess.run(command(program, arguments), env=environment(), check=False)
-        if done.returncode:
-            break
-    return done.returncode if done.returncode >= 0 else 1
+    return run_to_its_end("shape_server.accuracy", words) or run_to_its_end("viz_client", ["--accuracy", str(report)])
 
 
 @app.command
@@ -273,13 +264,10 @@ def audit(
     json_file: Annotated[Path | None, Parameter(name="--json", help="Write every request with its error and time.")] = None,
 ) -> int:
     """Audit the price tags of random requests: are true errors below the estimates, are tolerances and budgets kept?"""
-    import subprocess
-
-    from .children import command, environment
+    from .children import run_to_its_end
 
     words = ["audit", "--cases", str(cases), *(["--json", str(json_file)] if json_file is not None else [])]
-    done = subprocess.run(command("shape_server.accuracy", words), env=environment(), check=False)
-    return done.returncode if done.returncode >= 0 else 1
+    return run_to_its_end("shape_server.accuracy", words)
 
 
 @app.command
@@ -291,18 +279,14 @@ def effects(
     json_file: Annotated[Path | None, Parameter(name="--json", help="Write every effect with its size and cost.")] = None,
 ) -> int:
     """Print what each effect of a scene's cables could change at the start, and what it costs when it is on."""
-    import subprocess
-
     from protocol.codec import encode
 
-    from .children import command, environment
+    from .children import run_to_its_end
     from .load import load
     from .start_request import start_request
 
     words = ["effects", *(["--json", str(json_file)] if json_file is not None else [])]
-    request = encode(start_request(load(scene, settings or ())))
-    done = subprocess.run(command("shape_server.accuracy", words), input=request, env=environment(), check=False)
-    return done.returncode if done.returncode >= 0 else 1
+    return run_to_its_end("shape_server.accuracy", words, encode(start_request(load(scene, settings or ()))))
 
 
 def _plural(word: str, count: int) -> str:

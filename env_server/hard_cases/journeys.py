@@ -41,9 +41,10 @@ def cases() -> Iterator[Case]:
         for friction in (Friction.NONE, Friction.SIGNUM):
             yield Case(f"{ground}, {friction.value}: fifty steps of a nanometre", FAMILY, partial(_nanometres, ground, friction))
             for size in (1e-9, 1e-6, 1e-3, 1e-2):
-                yield Case(
-                    f"{ground}, {friction.value}: gripper that shakes by {size:g} m", FAMILY, partial(_shaken, ground, friction, size)
-                )
+                # Shaken that far, a cable that sticks to the block comes over its edges.
+                may = ground == "block" and friction is Friction.SIGNUM and size == 1e-2
+                name = f"{ground}, {friction.value}: gripper that shakes by {size:g} m"
+                yield Case(name, FAMILY, partial(_shaken, ground, friction, size), may_decline=may)
         for kind in (Friction.SIGNUM, Friction.REGULARIZED, Friction.DEFINED):
             may = ground == "block"
             yield Case(f"{ground}, {kind.value}: there and back three times", FAMILY, partial(_rubbed, ground, kind), may_decline=may)

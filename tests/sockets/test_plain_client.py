@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from programs import LIMIT, STEPS, Box
 
+import protocol
+
 CLIENT = Path(__file__).parent / "plain_client.py"
 
 
@@ -20,7 +22,7 @@ def ask(*arguments: str) -> dict[str, Any]:
     assert run.returncode == 0, run.stderr
     found: dict[str, Any] = json.loads(run.stdout)
     assert found["ours"] == []
-    assert {"type": "Welcome", "version": 3, "project": "cablecosim"}.items() <= found["welcome"].items()
+    assert {"type": "Welcome", "version": protocol.VERSION, "project": "cablecosim"}.items() <= found["welcome"].items()
     return found
 
 
