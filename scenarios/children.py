@@ -110,7 +110,8 @@ def run_to_its_end(name: str, arguments: Sequence[str], message: bytes | None = 
 def environment() -> dict[str, str]:
     """The environment of a child: ours, and the very packages that we were imported from."""
     paths = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in paths if path)}
+    # Matrices here are small: a second thread of BLAS costs more than it saves, and the other programs need the core.
+    return {"OPENBLAS_NUM_THREADS": "1", **os.environ, "PYTHONPATH": os.pathsep.join(path for path in paths if path)}
 
 
 def refusal(name: str, words: str) -> str:

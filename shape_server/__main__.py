@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
-# Matrices here are small: a second BLAS thread costs more than it saves, and the other programs need the core.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import argparse
 import signal
 import sys
@@ -18,6 +13,7 @@ from protocol.errors import CablecosimError
 from protocol.keys import read as read_keys
 from protocol.messages import ShapeReply, ShapeRequest
 
+from . import blas
 from .paths import CHOICES, Paths, compile_kernels
 from .server import ShapeServer
 from .solve import answer
@@ -26,6 +22,7 @@ from .solve import answer
 def main() -> int:
     """Run the server until it is stopped; 0 in good order, 2 with a sentence for a mistake."""
     arguments = _parser().parse_args()
+    blas.use_one_thread()
     if not (arguments.warm_up or arguments.compile):  # the compiler would hold back a handler for seconds
         signal.signal(signal.SIGTERM, _leave)
     try:

@@ -23,7 +23,7 @@ from .equilibrium import WHY, Settled
 from .first_shape import from_grasps
 from .mesh import LAYER_SHARE, Mesh, doubled, even, graded, halved, stops
 from .reading import Reading
-from .richardson import FLOOR, RATIO_LEAST, RATIO_MOST, SAFETY, TOUCHING, apart, combined, transfer
+from .richardson import FLOOR, LYING, RATIO_LEAST, RATIO_MOST, SAFETY, apart, combined, transfer
 from .system import System
 from .task import Solution, Task
 
@@ -137,7 +137,7 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
     before, floor = levels[-2], FLOOR * task.problem.cable.length
     gaps = [apart(*pair) for pair in pairwise(levels)]
     is_regular = len(gaps) == 2 and (RATIO_LEAST < gaps[0] / max(gaps[1], 1e-300) < RATIO_MOST or gaps[1] < 1e3 * floor)
-    share = (TOUCHING if task.touches else SAFETY) / 3 if is_regular or len(gaps) == 1 else 1.0
+    share = (LYING if last.lies else SAFETY) / 3 if is_regular or len(gaps) == 1 else 1.0
     plain = Price(
         error=share * gaps[-1] + floor,
         error_tension=share * _change(before.sections[0], reading.tension),

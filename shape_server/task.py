@@ -14,6 +14,7 @@ from protocol.messages import Problem
 from protocol.scene import Vector
 
 from .clock import Clock
+from .contact_geometry import FACE
 from .descent import Progress
 from .equilibrium import Settled
 from .mesh import Mesh
@@ -84,6 +85,12 @@ class Solution:
         """Tension (n-1,) [N] and curvature (n,) [1/m] alone."""
         tension, curvature, *_ = self.task.path.section_forces(self.system.rod, self.found.state, self.found.seen)
         return tension, curvature
+
+    @property
+    def lies(self) -> bool:
+        """Whether the cable lies on faces, at three places at least; on edges and vertices contacts slide without regard to nodes."""
+        pushing = self.found.state.push[: self.system.body_rows] > 0.0
+        return bool((self.system.rod.touch["feature"][: self.system.body_rows][pushing] == FACE).sum() >= 3)
 
     def layers(self) -> tuple[np.ndarray, np.ndarray]:
         """Places (k,) [m] where boundary layers may be, and their lengths sqrt(EI / T) (k,) [m], T the force carried there.

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
-# As for the shape server: matrices are small, a second BLAS thread costs more than it saves.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import argparse
 import json
 import sys
@@ -16,6 +11,7 @@ from pathlib import Path
 
 from protocol.errors import CablecosimError
 
+from .. import blas
 from ..paths import is_compiled
 from . import moving
 from .audit import audit, summaries
@@ -28,6 +24,7 @@ WIDTH = 78
 
 def main() -> int:
     """Run what the command line asks for; 0 if the price tags are true, 1 if not, 2 for a mistake."""
+    blas.use_one_thread()
     arguments = _parser().parse_args()
     if arguments.json is not None and not arguments.json.absolute().parent.is_dir():
         sys.stderr.write(f"accuracy: {arguments.json}: there is no such folder; give a file in a folder that exists\n")

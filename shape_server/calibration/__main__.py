@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
-# As for the shape server: matrices are small, a second BLAS thread costs more than it saves.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import argparse
 import sys
 from pathlib import Path
@@ -15,6 +10,7 @@ from protocol.codec import decode
 from protocol.errors import CablecosimError
 from protocol.messages import ShapeRequest
 
+from .. import blas
 from ..paths import Paths, is_compiled
 from .fit import Calibration, calibrate
 from .measured import read_points
@@ -24,6 +20,7 @@ from .report import as_json, table
 
 def main() -> int:
     """Fit what the command line asks for; 0 if every number has both bounds, 1 if not, 2 for a mistake."""
+    blas.use_one_thread()
     arguments = _parser().parse_args()
     if arguments.json is not None and not arguments.json.absolute().parent.is_dir():
         sys.stderr.write(f"calibrate: {arguments.json}: there is no such folder; give a file in a folder that exists\n")

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
-
-# As for the shape server: matrices are small, a second BLAS thread costs more than it saves.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import argparse
 import signal
 from types import ModuleType
 
 from protocol.hard_case import serve
 
+from .. import blas
 from ..paths import CHOICES, Paths, is_compiled
 from .catalogue import catalogue, warm_up
 
 
 def main() -> None:
     """Answer until nobody asks any more."""
+    blas.use_one_thread()
     parser = argparse.ArgumentParser(prog="python -m shape_server.hard_cases", description="Solves hard cases by their numbers.")
     parser.add_argument("--kernels", choices=CHOICES, default="auto", help="auto: compiled if they are ready (default)")
     asked = parser.parse_args().kernels
