@@ -24,7 +24,7 @@ class ShapeServer:
     def __init__(self, address: str, kernels: str, keys: Keys | None = None) -> None:
         self._channel = Server(address, self._welcome, keys=keys)
         self._paths = Paths(kernels)
-        self._cached: tuple[tuple[bytes, str, int, int], ShapeRequest, bytes] | None = None
+        self._cached: tuple[tuple[str, int, int], ShapeRequest, bytes] | None = None
         self._beaten = 0.0
         self._is_stopped = False
         self.address = self._channel.address
@@ -59,7 +59,8 @@ class ShapeServer:
         return True
 
     def _answer(self, peer: bytes, request: ShapeRequest) -> None:
-        key = (peer, request.session, request.step, request.round)
+        # Without the peer: who has waited in vain asks again by a new connection, and would have the same solved for ever.
+        key = (request.session, request.step, request.round)
         if self._cached is not None and self._cached[0] == key and encode(self._cached[1]) == encode(request):
             self._channel.send_bytes(peer, self._cached[2])
             return
