@@ -99,6 +99,14 @@ def test_a_request_for_no_cable_is_answered_with_no_shape(client: Client) -> Non
     assert reply.shapes == ()
 
 
+def test_who_asks_again_by_a_new_connection_gets_what_was_solved(client: Client, address: str) -> None:
+    """Solved anew its measured times would be others; and a hard request would be solved anew at every repeat, for ever."""
+    first = reply_bytes(client, EASY)
+    again = Client(address, "test")
+    assert reply_bytes(again, EASY) == first
+    again.close()
+
+
 def test_the_same_request_again_gets_the_same_bytes(client: Client) -> None:
     assert reply_bytes(client, EASY) == reply_bytes(client, EASY)
 
