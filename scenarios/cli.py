@@ -54,14 +54,14 @@ def run(
     *,
     settings: Settings = None,
     out: Annotated[Path | None, Parameter(help="The run folder; runs/SCENE-TIME unless given.")] = None,
-    replay: Annotated[bool, Parameter(help="Write replay.html.")] = True,
+    replay: Annotated[bool, Parameter(help="Write replay.html and report.html.")] = True,
     kernels: Annotated[
         Literal["auto", "compiled", "numpy"],
         Parameter(help="Solve by compiled kernels, by numpy, or (auto) by numpy until the kernels are compiled."),
     ] = "auto",
     keys: Annotated[Path | None, Parameter(help="Encrypt everything with the keys of this folder; see `cablecosim keys`.")] = None,
 ) -> int:
-    """Run a scene in three processes; write a recording, pictures, a replay page and a summary."""
+    """Run a scene in three processes; write a recording, pictures, a report, a replay page and a summary."""
     from . import summary
     from .launch import launch
     from .load import load, scene_name
@@ -97,7 +97,7 @@ def keys(folder: Annotated[Path, Parameter(help="A new folder, for you alone.")]
 
 @app.command
 def replay(run: Annotated[Path, Parameter(help="Folder of a run.")], /) -> int:
-    """Write pictures and replay.html of a run anew, from its recording."""
+    """Write pictures, replay.html and report.html of a run anew, from its recording."""
     import subprocess
 
     from protocol import recording

@@ -65,7 +65,7 @@ def launch(
         show: Where progress goes.
         out: The run folder; without it, `runs/<name>-<time>/` is made.
         kernels: "auto", "compiled" or "numpy", for the shape server.
-        replay: Whether to write `replay.html`.
+        replay: Whether to write `replay.html` and `report.html`.
         pictures: Whether to draw the key postures.
         silence: [s] Without a sign of life after which a program is ended and started again.
         keys: Folder of keys to encrypt with; see `protocol.keys`.

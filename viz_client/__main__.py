@@ -18,7 +18,8 @@ DESCRIPTION = """Record a run of the environment, draw pictures of its key postu
 Needs no display. Writes into the folder DIR:
   recording.msgpack   every message as it came; readable with any MessagePack library, even after a crash
   pictures/*.png      the key postures
-  replay.html         opens in a browser, offline
+  report.html         what it came to: verdict, postures, curves; opens in a browser, offline
+  replay.html         every step in three dimensions; opens in a browser, offline
   bill.svg            where the time of every step went
 """
 EPILOG = """exit codes: 0 all of the run was recorded, or it was told to stop; 1 the environment was lost; 2 a wrong request
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="wait so long for an environment that is gone to come back (default 0)",
     )
     parser.add_argument("--keys", metavar="DIR", type=Path, help="talk to an environment that is encrypted; see: cablecosim keys")
-    parser.add_argument("--no-replay", dest="replay", action="store_false", help="write no replay.html")
+    parser.add_argument("--no-replay", dest="replay", action="store_false", help="write neither replay.html nor report.html")
     parser.add_argument("--no-pictures", dest="pictures", action="store_false", help="draw no pictures")
     given = parser.parse_args(arguments)
     live = [name for name in ("frames", "control", "out") if getattr(given, name) is not None]

@@ -7,7 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from .history import History, Panel
+
 SIZE: Final = (7.6, 4.6)  # inches
+WIDE: Final = (6.4, 3.2)  # inches
+DECADE: Final = 10.0  # from the smallest to the largest, before an axis that may be is logarithmic
 COLOURS: Final = ("#0b6e4f", "#d1495b", "#00798c", "#edae49", "#5f4bb6", "#7a7a7a", "#9c6644", "#2f4858")
 MARKS: Final = ("o", "s", "^", "D", "v", "P", "X", "*")
 
@@ -55,6 +59,26 @@ def stacked_over_time(series: Sequence[Series], sentence: str, most: float) -> s
     handles, names = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], names[::-1], fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
     figure.supxlabel(sentence, fontsize=8, wrap=True)
+    return svg_text(figure)
+
+
+def over_time(panel: Panel, run: History) -> str:
+    """The curves of one panel over the simulated time, as the text of an SVG element."""
+    figure, axes = canvas(WIDE)
+    for number, curve in enumerate(panel.curves):
+        axes.plot(run.time, curve.y, color=COLOURS[number % len(COLOURS)], linewidth=1.2, label=curve.name)
+    known = [curve.y[curve.y > 0.0] for curve in panel.curves if (curve.y > 0.0).any()]
+    if panel.is_logarithmic and known and max(y.max() for y in known) > DECADE * min(y.min() for y in known):
+        axes.set_yscale("log")
+    if panel.limit is not None:
+        axes.axhline(panel.limit[1], color="#b3261e", linewidth=1, linestyle="--", label=panel.limit[0])
+    for _, begin in run.moves[1:]:
+        axes.axvline(begin, color="#dddddd", linewidth=0.8, zorder=0)
+    axes.margins(x=0.0)
+    axes.set_xlabel("simulated time [s]")
+    axes.set_ylabel(panel.label)
+    axes.grid(axis="y", linewidth=0.3, color="#dddddd")
+    axes.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False)
     return svg_text(figure)
 
 

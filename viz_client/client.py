@@ -26,7 +26,7 @@ from protocol.keys import Keys
 from protocol.messages import Error, Finished, Frame, FrameRequest, Snapshot, SnapshotRequest, Statistics, StatisticsRequest
 
 from .painter import DIRECTORY, Painter
-from .redraw import page, redraw
+from .redraw import page, redraw, report
 from .tape import Tape
 
 START_LIMIT: Final = 120.0
@@ -66,7 +66,7 @@ def watch(
         frames: Address of the environment's lossless stream.
         control: Address at which the environment answers.
         out: Folder of the run; made if need be. Must not hold a recording, unless that is to be gone on with.
-        replay: Whether to write `replay.html` at the end.
+        replay: Whether to write `replay.html` and `report.html` at the end.
         pictures: Whether to draw the key postures.
         resume: Whether to go on with a recording of this run that was broken off; there need not be one.
         patience: [s] How long to wait for an environment that is gone to come back.
@@ -159,6 +159,8 @@ class _Session:
                 page(self._out, self._say)  # the drawing process is at work meanwhile
             if painter and not self._stop.is_set():
                 painter.finish()
+            if replay and not self._stop.is_set():
+                report(self._out, self._say)
         finally:
             if painter:
                 painter.close()

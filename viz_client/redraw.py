@@ -1,4 +1,4 @@
-"""Pictures and replay page of a run made anew, from its recording alone."""
+"""Pictures, replay page and report of a run made anew, from its recording alone."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ REPLAY_NAME = "replay.html"
 
 
 def redraw(run: Path, *, replay: bool = True, pictures: bool = True, say: Callable[[str], None] = lambda _line: None) -> None:
-    """Replace `pictures/`, `replay.html` and `bill.svg` of a run by what its recording holds.
+    """Replace `pictures/`, `replay.html`, `bill.svg` and `report.html` of a run by what its recording holds.
 
     Args:
         run: Folder of the run.
-        replay: Whether to write the page.
+        replay: Whether to write the pages.
         pictures: Whether to draw the key postures.
         say: Told one line for each thing done.
 
@@ -40,6 +40,7 @@ def redraw(run: Path, *, replay: bool = True, pictures: bool = True, say: Callab
         painter.finish()
     if replay:
         page(run, say)
+        report(run, say)
 
 
 def page(run: Path, say: Callable[[str], None]) -> None:
@@ -56,3 +57,11 @@ def page(run: Path, say: Callable[[str], None]) -> None:
     told = write_bill(recording.read(run / recording.FILE_NAME), run / BILL_NAME)
     if told:
         say(f"{BILL_NAME}: {told}")
+
+
+def report(run: Path, say: Callable[[str], None]) -> None:
+    """Write `report.html`, which shows what was drawn before, and say how large it is."""
+    from .report_page import write_report
+
+    file = write_report(run)
+    say(f"{file.name}: {file.stat().st_size / 1e6:.1f} MB")
