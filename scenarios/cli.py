@@ -27,11 +27,7 @@ SceneName = Annotated[str, Parameter(help="A built-in scene (see `cablecosim lis
 
 STUDIED = ("harness_assembly", "case_study_1")  # scenes of the standard set of `accuracy`
 
-app = App(
-    name="cablecosim",
-    help="Simulate a robot assembling a cable harness.",
-    version=lambda: f"cablecosim {version('cablecosim')}",
-)
+app = App("cablecosim", help="Simulate a robot assembling a cable harness.", version=lambda: f"cablecosim {version('cablecosim')}")
 
 
 def main() -> None:
@@ -69,15 +65,13 @@ def run(
 
     loaded = load(scene, settings or ())
     ended = launch(loaded, scene_name(scene), display(), out=out, kernels=kernels, replay=replay, keys=keys)
-    console = Console()
-    console.print(summary.table(ended.summary))
-    console.print(f"written to {ended.folder}", markup=False, soft_wrap=True)
+    Console().print(summary.table(ended.summary))
+    Console().print(f"written to {ended.folder}" + ("; open report.html there" if replay else ""), markup=False, soft_wrap=True)
     if ended.interrupted:
         return 130
     if not ended.summary["complete"]:
         _say(ended.summary["sentence"])
-        return 1
-    return 0
+    return int(not ended.summary["complete"])
 
 
 @app.command
@@ -118,9 +112,8 @@ def list_scenes() -> int:
     """List the built-in scenes."""
     from .load import built_in, title
 
-    console = Console()
     for name in built_in():
-        console.print(f"{name}  {title(name)}", markup=False, highlight=False, soft_wrap=True)
+        Console().print(f"{name}  {title(name)}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
@@ -139,10 +132,18 @@ def check(
     if resolve is not None:
         write_resolved(loaded, resolve)
     counts = {"cable": loaded.cables, "gripper": loaded.grippers, "body": loaded.bodies, "move": loaded.moves, "picture": loaded.pictures}
-    parts = [f"{len(items)} {_plural(word, len(items))}" for word, items in counts.items() if items]
-    seconds = sum(move.duration for move in loaded.moves)
-    line = f"{scene}: correct; {', '.join(parts)}; {seconds:g} s in steps of {loaded.time_step:g} s"
+    parts = ", ".join(f"{len(items)} {_plural(word, len(items))}" for word, items in counts.items() if items)
+    line = f"{scene}: correct; {parts}; {sum(move.duration for move in loaded.moves):g} s in steps of {loaded.time_step:g} s"
     Console().print(line, markup=False, highlight=False, soft_wrap=True)
+    return 0
+
+
+@app.command
+def schema() -> int:
+    """Print the JSON Schema of scene files, for editors; docs/scenes.md says the same in words."""
+    from . import schema as made
+
+    sys.stdout.write(json.dumps(made.schema(), indent=2) + "\n")
     return 0
 
 
@@ -162,10 +163,9 @@ def shape(
     asked = load_posture(posture, settings or ())
     answer = ask(asked)
     sys.stdout.write(json.dumps(as_json(asked, answer)) + "\n")
-    if answer.outcome is Outcome.CONVERGED:
-        return 0
-    _say(answer.sentence)
-    return 1
+    if answer.outcome is not Outcome.CONVERGED:
+        _say(answer.sentence)
+    return int(answer.outcome is not Outcome.CONVERGED)
 
 
 @app.command
@@ -290,9 +290,7 @@ def effects(
 
 
 def _plural(word: str, count: int) -> str:
-    if count == 1:
-        return word
-    return f"{word[:-1]}ies" if word.endswith("y") else f"{word}s"
+    return word if count == 1 else f"{word[:-1]}ies" if word.endswith("y") else f"{word}s"
 
 
 def _say(text: str) -> None:
