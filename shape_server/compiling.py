@@ -1,6 +1,9 @@
-"""Compiling in two processes: the Newton step in one, what only reads a state in the other; then the iterations, which need both.
+"""Compiling in two processes at once, each loading from numba's cache on disk what the other has put there.
 
-Each loads from numba's cache on disk what the other has put there, so that both together take three quarters of the time of one.
+A function contains all that it calls, so that what is compiled twice costs twice: the order says who compiles what, and who waits.
+
+    here      linear system, border   ->  Newton step  ->  descent            ->  both iterations as one, and a check of everything
+    beside    friction's dense system, look, readings  ->  settling, margin, half cells
 """
 
 from __future__ import annotations
@@ -8,6 +11,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
+from multiprocessing.process import BaseProcess
+from multiprocessing.synchronize import Event
+from typing import Final
 
 import numpy as np
 
@@ -15,39 +21,68 @@ from protocol.codec import decode, encode
 from protocol.messages import ShapeRequest
 
 from . import effects, kernels, numpy_path
+from .border import SOFTNESS
 from .cold import curve_frames
+from .descent import begun
 from .equilibrium import EXACT
 from .mesh import even, stops
 from .newton import newton_step
 from .paths import compile_kernels, forget_stale_kernels, is_compiled, sample
 from .rod import Rod, State, View
+from .stick_slip import close_rubbing
 from .task import Task
 
-SEGMENTS = 24
+SEGMENTS: Final = 24
+POLL: Final = 0.2  # s
 
 
 def warm_up() -> float:
     """Compile everything to the cache on disk; returns the seconds it took."""
-    begun = time.perf_counter()
+    start = time.perf_counter()
     if is_compiled() or (os.cpu_count() or 1) < 2:
         compile_kernels()
-        return time.perf_counter() - begun
+        return time.perf_counter() - start
     forget_stale_kernels()
-    beside = multiprocessing.get_context("spawn").Process(target=_compile_readings, daemon=True)
+    context = multiprocessing.get_context("spawn")
+    is_stepping, has_read, has_settled = context.Event(), context.Event(), context.Event()
+    beside = context.Process(target=_compile_beside, args=(is_stepping, has_read, has_settled), daemon=True)
     beside.start()
-    newton_step(*_begun(), EXACT, 0.0)
+    rod, state, view = _begun()
+    kernels.linear_system(rod, state, view)
+    kernels.border_rows(rod, state, view, EXACT)
+    _wait(has_read, beside)
+    newton_step(rod, state, view, EXACT, 0.0)
+    is_stepping.set()
+    kernels.descend(rod, begun(kernels, rod, state), 1)
+    _wait(has_settled, beside)
     compile_kernels()
     beside.join()
-    return time.perf_counter() - begun
+    return time.perf_counter() - start
 
 
-def _compile_readings() -> None:
-    """Compile what reads a state and solves nothing."""
+def _compile_beside(is_stepping: Event, has_read: Event, has_settled: Event) -> None:
+    """Compile what the Newton step needs of friction and what reads a state; then, with the Newton step, what settles."""
     rod, state, view = _begun()
+    rows = len(state.force) + len(state.push) + 2 * len(state.drag)
+    contacts = np.arange(len(state.push))
+    close_rubbing(rod, state, np.eye(rows), np.zeros(rows), len(state.force), contacts, SOFTNESS / rod.force_scale)
+    has_read.set()
     kernels.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     kernels.section_forces(rod, state, view)
-    kernels.smallest_stiffness(rod, state, view)
     kernels.energy(rod, state, view)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    _wait(is_stepping, parent)
+    kernels.settle(rod, state, 0.0)
+    has_settled.set()
+    kernels.smallest_stiffness(rod, state, view)
+    kernels.mend(rod, state, view)
+
+
+def _wait(event: Event, other: BaseProcess) -> None:
+    """Wait for the other process to have come so far; without it, whoever waits compiles that too."""
+    while not event.wait(POLL) and other.is_alive():
+        pass
 
 
 def _begun() -> tuple[Rod, State, View]:
@@ -58,6 +93,6 @@ def _begun() -> tuple[Rod, State, View]:
     used = effects.asked_for(problem, request.gravity)
     task = Task(problem, request.gravity, request.tolerance, None, True, True, used, kernels, lambda iteration, residual: None)
     system = task.system(even(stops(problem), problem.grasps.s, SEGMENTS))
-    begun = system.start(curve_frames(system.mesh, problem, np.asarray(request.gravity), numpy_path))
-    state, view = numpy_path.look(system.rod, begun, np.ascontiguousarray(system.rod.touch["normal"]))
+    start = system.start(curve_frames(system.mesh, problem, np.asarray(request.gravity), numpy_path))
+    state, view = numpy_path.look(system.rod, start, np.ascontiguousarray(system.rod.touch["normal"]))
     return system.rod, state, view

@@ -16,7 +16,7 @@ Progress = Callable[[int, float], None]
 
 def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settled:
     """Descend to a minimum of the energy from any state, then settle there."""
-    descent = _begun(path, rod, state._replace(push=np.maximum(state.push, 0.0)))
+    descent = begun(path, rod, state._replace(push=np.maximum(state.push, 0.0)))
     while True:
         if isinstance(progress, Clock):
             descent, settled = progress.iterate(path, rod, descent)
@@ -36,7 +36,7 @@ def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settl
             return Settled(*found)
 
 
-def _begun(path: ModuleType, rod: Rod, state: State) -> Descent:
+def begun(path: ModuleType, rod: Rod, state: State) -> Descent:
     """A descent that has not begun."""
     seen, view = path.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     start = Settled(seen, view, False, False, 0, np.inf, GOING_ON)
@@ -69,7 +69,7 @@ def settle(path: ModuleType, rod: Rod, begin: State, progress: Progress) -> Sett
     """Settle from a state nearby, for a cold start, which relaxes too: see `iteration`."""
     if isinstance(progress, Clock):
         return progress.settle(path, rod, begin)
-    return Settled(*path.iterate(rod, _begun(path, rod, begin), 0)[1])
+    return Settled(*path.iterate(rod, begun(path, rod, begin), 0)[1])
 
 
 def off_the_saddle(path: ModuleType, rod: Rod, begin: State, after: Settled) -> State:

@@ -129,8 +129,7 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     force, push, touches, drag, sticks = state.force.copy(), state.push.copy(), state.touches.copy(), state.drag.copy(), state.sticks
     if is_exact and len(border.rubs) > 0:
         hard = SOFTNESS / rod.force_scale
-        change, closed, sticks, positive = close_rubbing(rod, state, matrix_of_rows, right_of_rows, len(held), contacts, hard)
-        rubbing = 2 * sticks.sum()
+        change, closed, sticks, positive, rubbing = close_rubbing(rod, state, matrix_of_rows, right_of_rows, len(held), contacts, hard)
     else:
         change, closed, positive = close(matrix_of_rows, right_of_rows, len(held), len(contacts), state.push[contacts], is_exact)
         rubbing = 2 * len(border.rubs)

@@ -8,6 +8,7 @@ Once off the peg, it hangs straight down from the gripper.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -38,9 +39,25 @@ def cases() -> Iterator[Case]:
         yield Case(f"capstan, mu {mu:g}: eased by 0.1 um, and at rest", FAMILY, partial(_eased, mu), is_slow=hard, may_decline=hard)
         if not hard:
             yield Case(f"capstan, mu {mu:g}: let down", FAMILY, partial(_let_down, mu))
+    for mu in (0.1, 0.3, 1.0):
+        yield Case(f"slack, laid on a rough peg, mu {mu:g}", FAMILY, partial(_laid, mu))
     for friction, mass in ((Friction.NONE, 0.0), (Friction.NONE, 0.1), (Friction.SIGNUM, 0.0)):
         name = f"slides off a cylinder, {friction.value}, with {mass:g} kg at its end"
         yield Case(name, FAMILY, partial(_off, friction, mass), is_slow=True, may_decline=True)
+
+
+def _laid(mu: float, asker: Asker) -> Iterable[Check]:
+    """Both ends of a slack cable go down beside a peg, in its plane. What begins to slide there is not to fall aside: friction holds it."""
+    held = Cable("c", 1.0, 6e-3, 0.06, 2e-3, 2e-3)
+    hands = tuple(gripper(at, (at - 0.5 + 0.1 * sign, 0.0, 0.4), name=name) for at, sign, name in ((0.0, 1, "left"), (1.0, -1, "right")))
+    down = move(*(Target(hand.name, by=(0.0, 0.0, -0.2)) for hand in hands))
+    peg = replace(_peg(**rough(Friction.SIGNUM, mu)), radius=0.04)
+    case = scene(held, hands, (peg,), (down,), time_step=0.05, tolerance=5e-4)
+    with playing(case, asker) as played:
+        shape = played.to()
+        yield Check("out of the plane", float(np.abs(shape.nodes[:, 1]).max()), 1e-6)
+        yield from played.checks()
+        yield from coulomb(played, mu)
 
 
 def _start(pull: float) -> Start:
