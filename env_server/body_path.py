@@ -7,7 +7,9 @@ its turn about one axis of the world through its own position. A turn may be mor
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -72,7 +74,7 @@ class BodyPath:
         """Poses (b, 7) of the bodies, in the order of the scene; at rest before the first move and after the last."""
         if time <= 0.0 or not self._rides:
             return self._first.copy()
-        ride = next((each for each in self._rides if time <= each.end), self._rides[-1])
+        ride = self._rides[min(bisect_left(self._rides, time, key=attrgetter("end")), len(self._rides) - 1)]
         share = quintic(min(max((time - ride.start) / (ride.end - ride.start), 0.0), 1.0))
         positions = (1.0 - share) * ride.positions[0] + share * ride.positions[1]
         return np.hstack([positions, (Rotation.from_rotvec(share * ride.turns) * ride.rotations).as_quat()])

@@ -11,8 +11,10 @@ Source: Flash and Hogan 1985, "The coordination of arm movements" (the quintic i
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -101,7 +103,7 @@ class Path:
     def _leg(self, time: float) -> Leg | None:
         if not self.legs or time <= 0.0:
             return None
-        return next((leg for leg in self.legs if time <= leg.end), self.legs[-1])
+        return self.legs[min(bisect_left(self.legs, time, key=attrgetter("end")), len(self.legs) - 1)]
 
     def _ends(
         self, key: str, targets: tuple[Target, ...], before: tuple[np.ndarray, np.ndarray], clips: Clips

@@ -199,9 +199,10 @@ def hardcases(
     list_cases: Annotated[bool, Parameter(name="--list", negative=(), help="Name every case with its family, and end.")] = False,
     json_file: Annotated[Path | None, Parameter(name="--json", help="Write every case with its ending, error, time and sentence.")] = None,
     kernels: Annotated[Literal["auto", "compiled", "numpy"], Parameter(help="Solve by compiled kernels if ready, or as named.")] = "auto",
+    peers: Annotated[list[str] | None, Parameter(consume_multiple=True, negative=(), help="Ask others too; all unless named.")] = None,
 ) -> int:
     """Solve a catalogue of hard cases; print how they end, family by family. Exit code 1 if one is wrong that was not known to be."""
-    from . import endings, hard_cases
+    from . import beside, endings, hard_cases
 
     cases = hard_cases.listed(family)
     if list_cases:
@@ -209,13 +210,12 @@ def hardcases(
         return 0
     if json_file is not None and not json_file.absolute().parent.is_dir():
         raise CablecosimError(f"{json_file}: there is no such folder; give a file in a folder that exists", key=str(json_file))
-    results = []
-    for result in hard_cases.run(cases, kernels):
-        results.append(result)
-        endings.progress(cases, len(results))
-    sys.stdout.write(endings.table(results) + "\n")
+    asked = hard_cases.peers(peers) if peers is not None else ()
+    results = endings.gathered(cases, hard_cases.run(cases, kernels))
+    answers = {peer: endings.gathered(cases, hard_cases.ask(peer, cases, kernels)) for peer in asked}
+    sys.stdout.write(endings.table(results) + "\n" + beside.table(results, answers))
     if json_file is not None:
-        json_file.write_text(endings.as_json(results), encoding="utf-8")
+        json_file.write_text(endings.as_json(results, answers), encoding="utf-8")
     return int(any(result.is_silent for result in results))
 
 

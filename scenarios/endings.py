@@ -6,7 +6,8 @@ import json
 import math
 import statistics
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Final
 
 from protocol.hard_case import Ending
@@ -26,11 +27,24 @@ def table(results: Sequence[Result]) -> str:
     rows = [HEAD, *(_row(family, [one for one in results if one.case.family == family]) for family in families)]
     if len(families) > 1:
         rows.append((*_row("all", results)[:-1], ""))
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEAD))]
-    lines = [
+    return "\n".join([*aligned(rows), *_wrong(results)])
+
+
+def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """A line a row, the first column to the left and the others to the right."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return [
         "  ".join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]) for row in rows
     ]
-    return "\n".join([*lines, *_wrong(results)])
+
+
+def gathered(cases: Sequence[Listed], results: Iterable[Result]) -> list[Result]:
+    """The results of all these cases, told as they come in."""
+    found: list[Result] = []
+    for result in results:
+        found.append(result)
+        progress(cases, len(found))
+    return found
 
 
 def _row(family: str, results: Sequence[Result]) -> tuple[str, ...]:
@@ -73,18 +87,26 @@ def progress(cases: Sequence[Listed], done: int) -> None:
     sys.stderr.flush()
 
 
-def as_json(results: Iterable[Result]) -> str:
-    """Every case with its ending, error over tolerance (null if there is none), seconds and sentence."""
+def as_json(results: Iterable[Result], peers: Mapping[str, Iterable[Result]] = MappingProxyType({})) -> str:
+    """Every case with its ending, error over tolerance (null if there is none), seconds and sentence, and the same of every peer asked."""
+    theirs = {name: {one.case: _ended(one) for one in answers} for name, answers in peers.items()}
     rows: list[dict[str, Any]] = [
         {
             "family": one.case.family,
             "name": one.case.name,
-            "ending": one.verdict.ending.value,
-            "error": one.verdict.error if math.isfinite(one.verdict.error) else None,
-            "seconds": one.seconds,
-            "sentence": one.verdict.sentence,
+            **_ended(one),
             "known": one.case.known,
+            **({"peers": {name: ended[one.case] for name, ended in theirs.items() if one.case in ended}} if theirs else {}),
         }
         for one in results
     ]
     return json.dumps(rows, indent=1) + "\n"
+
+
+def _ended(result: Result) -> dict[str, Any]:
+    return {
+        "ending": result.verdict.ending.value,
+        "error": result.verdict.error if math.isfinite(result.verdict.error) else None,
+        "seconds": result.seconds,
+        "sentence": result.verdict.sentence,
+    }

@@ -24,8 +24,10 @@ from protocol.hard_case import READY, Ending, Verdict
 from .children import Child, command, end_all, environment
 
 HOLDERS: Final = ("shape_server", "env_server")  # programs that have cases
+PEERED: Final = "shape_server"  # the program whose cases other programs can be asked for
 PREPARING: Final = 600.0  # s for a program to be ready, which may have to compile
 LIMIT: Final = {"compiled": 60.0, "numpy": 600.0}  # s for a case
+PATIENCE: Final = 20.0  # s for another program and a case
 INFINITE: Final = float("inf")
 
 
@@ -75,13 +77,33 @@ def listed(family: str | None = None) -> tuple[Listed, ...]:
     return tuple(case for case in cases if family in (None, case.family))
 
 
-def run(cases: Iterable[Listed], kernels: str, limit: float | None = None) -> Iterator[Result]:
+def peers(wanted: Sequence[str] = ()) -> tuple[str, ...]:
+    """The other programs that are installed, or those of them that are wanted.
+
+    Raises:
+        CablecosimError: If one is wanted that is not there.
+    """
+    said = subprocess.run(_words(PEERED, ("--peers",)), env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, check=True)
+    installed = tuple(json.loads(said.stdout))
+    for name in wanted:
+        if name not in installed:
+            raise CablecosimError(f"peer '{name}' is not installed; there are {', '.join(map(repr, installed))}", key="peers")
+    return tuple(wanted) or installed
+
+
+def ask(peer: str, cases: Iterable[Listed], kernels: str) -> Iterator[Result]:
+    """What another program makes of the cases that can be handed on; ended where it takes longer than `PATIENCE`."""
+    return run([case for case in cases if case.program == PEERED], kernels, PATIENCE, peer)
+
+
+def run(cases: Iterable[Listed], kernels: str, limit: float | None = None, peer: str | None = None) -> Iterator[Result]:
     """Results in the order of the cases.
 
     Args:
         cases: As `listed`.
         kernels: "auto", "compiled" or "numpy".
         limit: [s] After this a case counts as hanging; a minute unless given, ten for numpy.
+        peer: Who is asked for the cases in place of the program itself.
     """
     worker: _Worker | None = None
     try:
@@ -89,7 +111,7 @@ def run(cases: Iterable[Listed], kernels: str, limit: float | None = None) -> It
             if worker is not None and worker.program != case.program:
                 worker.close()
                 worker = None
-            worker = worker or _Worker(case.program, kernels)
+            worker = worker or _Worker(case.program, kernels, peer)
             begun = time.perf_counter()
             patience = limit if limit is not None else LIMIT[worker.kernels]
             answer = worker.ask(str(case.number), patience)
@@ -113,17 +135,24 @@ def _words(program: str, arguments: Sequence[str]) -> list[str]:
 class _Worker:
     """A process that has everything ready, and waits for numbers of cases."""
 
-    def __init__(self, program: str, kernels: str) -> None:
+    def __init__(self, program: str, kernels: str, peer: str | None) -> None:
         self.program = program
         self._folder = tempfile.TemporaryDirectory(prefix="cc-")
         self._server: Child | None = None
-        words = ("--kernels", kernels)
+        words: tuple[str, ...] = ("--kernels", kernels)
         if program == "env_server":
             address = f"ipc://{self._folder.name}/shape"
             self._server = Child("shape_server", ("--bind", address, *words), Path(self._folder.name) / "shape_server.log")
             words = ("--shape", address)
+        if peer is not None:
+            words = (*words, "--peer", peer)
         self._process = subprocess.Popen(
-            _words(program, words), env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            _words(program, words),
+            env=environment(),
+            cwd=self._folder.name if peer is not None else None,  # some write a log where they are
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
         )
         self._read(PREPARING)  # the names
         self.kernels = self.ask(READY, PREPARING)

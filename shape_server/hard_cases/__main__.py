@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import json
 import signal
+import sys
 from types import ModuleType
 
 from protocol.hard_case import serve
 
 from .. import blas
 from ..paths import CHOICES, Paths, is_compiled
+from . import peers
 from .catalogue import catalogue, warm_up
 
 
@@ -18,7 +21,13 @@ def main() -> None:
     blas.use_one_thread()
     parser = argparse.ArgumentParser(prog="python -m shape_server.hard_cases", description="Solves hard cases by their numbers.")
     parser.add_argument("--kernels", choices=CHOICES, default="auto", help="auto: compiled if they are ready (default)")
-    asked = parser.parse_args().kernels
+    parser.add_argument("--peer", metavar="NAME", help="ask another program for them")
+    parser.add_argument("--peers", action="store_true", help="name the other programs that are installed, and end")
+    given = parser.parse_args()
+    if given.peers:
+        sys.stdout.write(json.dumps(peers.names()) + "\n")
+        return
+    asked = given.kernels
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who asks decides when to end
 
     def prepare() -> tuple[ModuleType, str]:
@@ -27,7 +36,15 @@ def main() -> None:
         warm_up(path)
         return path, kernels
 
-    serve(catalogue(), prepare)
+    def prepare_peer() -> tuple[tuple[ModuleType, ModuleType], str]:
+        path, kernels = prepare()
+        peers.warm_up(peers.PEERS[given.peer])
+        return (peers.PEERS[given.peer], path), kernels
+
+    if given.peer:
+        serve(peers.cases_of(catalogue()), prepare_peer)
+    else:
+        serve(catalogue(), prepare)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from types import ModuleType
 
 import numpy as np
@@ -16,10 +17,31 @@ from protocol.scene import Vector
 from ..solve import solve
 
 
+@dataclass(eq=False)
+class Asked:
+    """A path of the solver that keeps what was asked on it and answered, up to what `why_not` has a reason against."""
+
+    path: ModuleType
+    why_not: Callable[[Problem, Vector, int], str]  # of a problem under gravity, after so many others
+    answers: list[tuple[Problem, Vector, Shape]] = field(default_factory=list)
+    refusal: str = ""
+
+    def about_to(self, problem: Problem, gravity: Vector) -> ModuleType:
+        """The path on which a problem is to be solved.
+
+        Raises:
+            Declined: If there is a reason against it.
+        """
+        self.refusal = self.refusal or self.why_not(problem, gravity, len(self.answers))
+        if self.refusal:
+            raise Declined(Outcome.UNSUPPORTED, self.refusal)
+        return self.path
+
+
 def found(
     problem: Problem,
     gravity: Vector,
-    path: ModuleType,
+    path: ModuleType | Asked,
     *,
     tolerance: float = 1e-3,
     extrapolate: bool = True,
@@ -31,10 +53,13 @@ def found(
         Declined: If the solver gives none, with its sentence.
         Unsound: If the shape is not finite or not certified as stable, or none is given without a sentence.
     """
+    kernels = path.about_to(problem, gravity) if isinstance(path, Asked) else path
     try:
-        shape = solve(problem, gravity, tolerance=tolerance, extrapolate=extrapolate, margin=margin, path=path)
+        shape = solve(problem, gravity, tolerance=tolerance, extrapolate=extrapolate, margin=margin, path=kernels)
     except MessageError as error:  # the problem is a valid message, so what is refused here is the solver's own answer
         raise Unsound(f"an answer that no message can carry: {error}") from error
+    if isinstance(path, Asked):
+        path.answers.append((problem, gravity, shape))
     if shape.outcome is not Outcome.CONVERGED:
         if len(shape.s) or len(shape.sentence) <= 20:
             raise Unsound(f"{shape.outcome.value} with the sentence {shape.sentence!r} and {len(shape.s)} nodes")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -116,3 +117,17 @@ def test_moves_join_without_a_jump() -> None:
     path = Path(scene(*moves), {})
     assert path.at(0.7 + 1e-12)[0][0] == pytest.approx(path.at(0.7)[0][0], abs=1e-14)
     assert path.at(5.0)[0][0] == pytest.approx([0.1, 0.4, 1.0], abs=1e-14)
+
+
+def test_a_place_late_on_a_path_of_many_moves_is_found_as_fast_as_on_one_of_two() -> None:
+    def seconds(count: int) -> float:
+        moves = [Move(f"{k}", 1.0, (Target(gripper="left", by=(0.0, 0.0, 0.1 * (-1) ** k)),)) for k in range(count)]
+        path, best = Path(scene(*moves), {}), np.inf
+        for _ in range(5):
+            begun = process_time()
+            for _ in range(50):
+                path.at(count - 0.5)
+            best = min(best, process_time() - begun)
+        return best
+
+    assert seconds(5000) < 3 * seconds(2)  # measured 1.0; 6.5 when every move before was looked at

@@ -48,6 +48,7 @@ class Motions:
     is_planar: bool
     position: np.ndarray  # (201, 2, 3) m
     quaternion: np.ndarray  # (201, 2, 4)
+    end_twist: float = 0.0  # rad, whole or half turns of the far clamp that its pose does not tell
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def approach(motions: Motions, count: int) -> Iterator[tuple[np.ndarray, np.ndar
     """Poses of both clamps (2, 3) [m] and (2, 4) that lead a straight, level rod to where the motions start, without another turn."""
     for part in np.linspace(0.0, 1.0, count + 1):
         position = np.array([np.zeros(3), (part * SPAN + (1 - part) * motions.rod.length, 0.0, 0.0)])
-        far = LEVEL if motions.is_planar else far_frame(part)
+        far = far_frame(part) if motions.end_twist else LEVEL
         yield position, np.array([LEVEL.as_quat(), far.as_quat()])
 
 
@@ -101,4 +102,4 @@ def _motions(name: str, rod: Rod, far: Rotation, away: np.ndarray, swing: Rotati
     quaternion = np.empty((len(away), 2, 4))
     quaternion[:, 0] = LEVEL.as_quat()
     quaternion[:, 1] = (swing * far).as_quat()
-    return Motions(name, rod, is_planar, position, quaternion)
+    return Motions(name, rod, is_planar, position, quaternion, 0.0 if is_planar else END_TWIST)

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .collocation import Solved
-from .motions import END_TWIST, Motions, Rod
+from .motions import Motions, Rod
 
 NAME = "CableDyn statics"
 DISTRIBUTION, VERSION = "cabledyn", (0, 3)
@@ -52,6 +52,11 @@ def sweep(motions: Motions) -> tuple[Setting, ...]:
     return tuple(Setting(*row) for row in rows)
 
 
+def careful(_rod: Rod) -> Setting:
+    """The setting for a single hard problem."""
+    return Setting(160, 1e5)
+
+
 def prepare(motions: Motions, _first: Solved, setting: Setting) -> Statics:
     """A folder for the decks."""
     import cabledyn
@@ -59,7 +64,8 @@ def prepare(motions: Motions, _first: Solved, setting: Setting) -> Statics:
     folder = Path(tempfile.mkdtemp(prefix="cabledyn_"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     driver = None if motions.is_planar else cabledyn.CableDynDriver()
-    return Statics(cabledyn.CableDyn, driver, (cabledyn.CableDynError, cabledyn.DriverError), motions.rod, setting, folder)
+    refusals = (cabledyn.CableDynError, cabledyn.DriverError)
+    return Statics(cabledyn.CableDyn, driver, refusals, motions.rod, setting, folder, motions.end_twist)
 
 
 @dataclass
@@ -72,6 +78,7 @@ class Statics:
     rod: Rod
     setting: Setting
     folder: Path
+    end_twist: float  # rad
 
     @property
     def s(self) -> np.ndarray:
@@ -81,7 +88,8 @@ class Statics:
     def move(self, position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
         """Nodes (n, 3) [m] with the clamps at (2, 3) [m] and (2, 4)."""
         deck = self.folder / "deck.dat"
-        deck.write_text(_deck(self.rod, self.setting, position, quaternion, has_torsion=self.driver is not None), encoding="utf-8")
+        end_twist = None if self.driver is None else self.end_twist
+        deck.write_text(_deck(self.rod, self.setting, position, quaternion, end_twist), encoding="utf-8")
         try:
             return np.asarray(self._solve(deck) + np.array([0.0, 0.0, DEPTH]))
         except self.refusals:
@@ -97,14 +105,16 @@ class Statics:
         return np.asarray(table[table[:, -1] > 0, 3:6])
 
 
-def _deck(rod: Rod, setting: Setting, position: np.ndarray, quaternion: np.ndarray, *, has_torsion: bool) -> str:
+def _deck(rod: Rod, setting: Setting, position: np.ndarray, quaternion: np.ndarray, end_twist: float | None) -> str:
+    """The deck; without torsion where there is no end twist, not even zero."""
+    has_torsion = end_twist is not None
     frames = Rotation.from_quat(quaternion)
     tangent, normal = frames.apply([0.0, 0.0, 1.0]), frames.apply([1.0, 0.0, 0.0])
     stiffness = f"{setting.axial:g} {rod.twist:.15g} 1e-6 1e-6 " if has_torsion else ""
     torsion = ("", "")
-    if has_torsion:
-        normal[1] = (frames[1] * Rotation.from_rotvec((0.0, 0.0, -END_TWIST))).apply([1.0, 0.0, 0.0])
-        torsion = f"Rigid {_row(normal[0])}", f"Rigid {_row(normal[1])} {-np.degrees(END_TWIST):.15g}"
+    if end_twist is not None:
+        normal[1] = (frames[1] * Rotation.from_rotvec((0.0, 0.0, -end_twist))).apply([1.0, 0.0, 0.0])
+        torsion = f"Rigid {_row(normal[0])}", f"Rigid {_row(normal[1])} {-np.degrees(end_twist):.15g}"
     places = [_row(place - np.array([0.0, 0.0, DEPTH])) for place in position]
     return f"""--- CableDyn Input File ---
 One motion

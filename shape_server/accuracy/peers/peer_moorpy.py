@@ -16,9 +16,9 @@ INSTALL = "Install it with pip install 'MoorPy>=1.3'."
 AXIAL = 1e9  # N, EA
 
 
-def hang(hanging: Hanging, span: float) -> np.ndarray:
-    """Nodes (n, 3) [m] between two points at one height."""
+def hang(hanging: Hanging, span: float, rise: float = 0.0) -> np.ndarray:
+    """Nodes (n, 3) [m] from the origin to a point a span away and so much higher."""
     from moorpy.Catenary import catenary
 
-    info = catenary(span, 0.0, hanging.length, AXIAL, hanging.weight, CB=-10 * hanging.length, plots=1, nNodes=hanging.nodes)[-1]
+    info = catenary(span, rise, hanging.length, AXIAL, hanging.weight, CB=-10 * hanging.length, plots=1, nNodes=hanging.nodes)[-1]
     return np.column_stack([info["X"], np.zeros(hanging.nodes), info["Z"]])

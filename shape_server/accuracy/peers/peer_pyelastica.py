@@ -27,6 +27,7 @@ INSTALL = "Install it with pip install 'pyelastica>=1.0'."
 REMEMBERS = True
 
 COURANT = 0.8  # step over the time that an axial wave needs for one element
+MOTION = 0.4  # s, of one motion of a single hard problem
 HELD_NODES, HELD_ELEMENTS = [0, 1, -2, -1], [0, -1]
 
 
@@ -55,6 +56,14 @@ def sweep(_motions: Motions) -> tuple[Setting, ...]:
         (40, 200.0, 400, 3.0),
     )
     return tuple(Setting(*row) for row in rows)
+
+
+def careful(rod: Rod) -> Setting:
+    """The setting for a single hard problem: so stiff along the axis that the axial wave limits the step."""
+    segments = 40
+    axial = max(200.0 * rod.weight, 8.0 * rod.bending * (segments / rod.length) ** 2)
+    step = COURANT * rod.length / segments * float(np.sqrt(rod.weight / G / axial))
+    return Setting(segments, axial, round(MOTION / step), 3.0)
 
 
 def prepare(motions: Motions, first: Solved, setting: Setting) -> March:

@@ -27,6 +27,7 @@ class Setting:
 
     nodes: int
     tolerance: float  # of solve_bvp
+    nodes_max: int = 0  # to which the mesh may be refined; none unless more than `nodes`
 
     def __str__(self) -> str:
         return f"{self.nodes} nodes, tol {self.tolerance:g}"
@@ -35,6 +36,11 @@ class Setting:
 def sweep(_motions: Motions) -> tuple[Setting, ...]:
     """Settings from coarse to fine."""
     return tuple(Setting(*row) for row in ((7, 1e6), (9, 1e6), (15, 1e6), (25, 1e6), (41, 1e-3), (81, 1e-3), (161, 1e-6)))
+
+
+def careful(_rod: Rod) -> Setting:
+    """The setting for a single hard problem."""
+    return Setting(101, 1e-3, 5000)
 
 
 def prepare(motions: Motions, first: Solved, setting: Setting) -> Collocation:
@@ -60,10 +66,13 @@ class Collocation:
         return self.mesh * self.rod.length
 
     def move(self, position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
-        """Nodes (n, 3) [m] after the clamps have moved."""
+        """Nodes (n, 3) [m] after the clamps have moved; not a number where the mesh may be refined and the tolerance is not met."""
         problem = self.kind.of(self.rod, position, quaternion)
-        found = collocate(problem, self.mesh, self.states, self.force, self.setting.tolerance, nodes_max=self.setting.nodes)
-        self.states, self.force = found.y, found.p
+        most = max(self.setting.nodes, self.setting.nodes_max)
+        found = collocate(problem, self.mesh, self.states, self.force, self.setting.tolerance, nodes_max=most)
+        self.mesh, self.states, self.force = found.x, found.y, found.p
+        if self.setting.nodes_max and not found.success:
+            return np.full((len(self.mesh), 3), np.nan)
         if self.kind is Space:
             return self.states[:3].T * self.rod.length
         return np.column_stack([self.states[0], np.zeros_like(self.mesh), self.states[1]]) * self.rod.length

@@ -7,6 +7,8 @@ one pose. All four sequences take 3.5 s together; `shape_server` certified their
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -19,6 +21,7 @@ COARSE = 1e-3  # relative residual of solve_bvp
 FINE = 1e-8  # at 1e-9 instead, nodes move by 1.5e-12 of the length
 MESH = np.linspace(0.0, 1.0, 101)
 TURNS = 12  # in which the spatial rod's far clamp is turned
+HEAVY = 1e3  # load number up to which collocation starts from the sag alone
 SAG = 1.37  # rad, largest slope of a level cable of this span, to start from: J_0(1.37) = 0.58
 
 
@@ -53,24 +56,39 @@ def _after(motions: Motions, motion: int, before: Solved, tolerance: float) -> S
 def _start(motions: Motions) -> Solved:
     """The coarse shape where the motions start."""
     rod, position = motions.rod, motions.position[0]
+    flat = level(rod, position)
+    return flat if motions.is_planar else turned(rod, position, flat, np.linspace(0.0, 1.0, TURNS + 1))
+
+
+def level(rod: Rod, position: np.ndarray) -> Solved:
+    """The coarse shape in the plane between level clamps; a rod that is much softer than it is heavy is led there from a stiffer one.
+
+    Raises:
+        ArithmeticError: If collocation finds none.
+    """
     slope = -SAG * np.sin(2 * np.pi * MESH)
     x, z = (np.append(0.0, np.cumsum((f[1:] + f[:-1]) / 2 * np.diff(MESH))) for f in (np.cos(slope), np.sin(slope)))
     problem = Plane.of(rod, position, np.array([LEVEL.as_quat()] * 2))
-    states = np.array([x, z, slope, np.gradient(slope, MESH)])
-    level = Solved(collocate(problem, MESH, states, np.array([0.0, -problem.load / 2]), COARSE, nodes_max=2000), rod)
-    assert level.found.success, level.found.message
-    return level if motions.is_planar else _turned(rod, position, level)
+    mesh, states, force = MESH, np.array([x, z, slope, np.gradient(slope, MESH)]), np.array([0.0, -0.5])
+    heavier = max(0, int(np.ceil(np.log10(problem.load / HEAVY))))
+    for load in problem.load * 10.0 ** -np.arange(heavier, -1, -1):
+        found = collocate(replace(problem, load=load), mesh, states, force * load, COARSE, nodes_max=5000)
+        if not found.success:
+            raise ArithmeticError(f"no start at a load of {load:.2g} EI / L^2: {found.message}")
+        mesh, states, force = found.x, found.y, found.p / load
+    return Solved(found, rod)
 
 
-def _turned(rod: Rod, position: np.ndarray, level: Solved) -> Solved:
-    """The level rod with its far clamp turned to the yaw and the twist of the spatial rod."""
-    x, z, _, curvature = level.found.sol(MESH)
+def turned(rod: Rod, position: np.ndarray, flat: Solved, parts: np.ndarray) -> Solved:
+    """The level rod with its far clamp turned, in these parts, to the yaw and the twist of the spatial rod."""
+    x, z, _, curvature = flat.found.sol(MESH)
     none = np.zeros_like(MESH)
-    states = np.vstack([x, none, z, level.frames(MESH * rod.length).T, none, -curvature, none])
-    force = np.array([level.found.p[0], 0.0, level.found.p[1]])
-    for part in np.linspace(0.0, 1.0, TURNS + 1):
+    states = np.vstack([x, none, z, flat.frames(MESH * rod.length).T, none, -curvature, none])
+    force = np.array([flat.found.p[0], 0.0, flat.found.p[1]])
+    for part in parts:
         problem = Space.of(rod, position, np.array([LEVEL.as_quat(), far_frame(part).as_quat()]))
         found = collocate(problem, MESH, states, force, COARSE, nodes_max=5000)
-        assert found.success, found.message
+        if not found.success:
+            raise ArithmeticError(f"no start at {part:.2g} of the turn: {found.message}")
         states, force = found.sol(MESH), found.p
     return Solved(found, rod)
