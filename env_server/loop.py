@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -21,14 +21,14 @@ from protocol.effects import table_of
 from protocol.kinds import Outcome
 from protocol.messages import CrossingReactions, Crossings, Grasps, Problem, Shape, ShapeRequest
 
-from . import looking, remesh
+from . import coupling, looking, remesh
 from .asking import Asker
 from .crossed import Crossed
 from .first_touch import with_first_touches, within
 from .hanging import Hanging, accepted, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
 from .looking import Reach
 from .stage import Posture, Stage
-from .stepped import Meter, Stepped
+from .stepped import Meter, Stepped, Try
 from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion, slipped_through
 
 ROUNDS_MAX: Final = 12
@@ -38,22 +38,6 @@ REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed t
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
-
-
-@dataclass
-class _Try:
-    """What one attempt at a step came to."""
-
-    cables: tuple[Hanging, ...] = ()
-    crossed: Crossed | None = None
-    rounds: int = 0
-    is_settled: bool = False
-    may_have_passed: bool = False
-
-    @property
-    def has_shapes(self) -> bool:
-        """Whether every cable has one."""
-        return all(cable.shape.outcome is Outcome.CONVERGED for cable in self.cables)
 
 
 class Loop:
@@ -100,7 +84,7 @@ class Loop:
                 break
             posture, done = reached, again
         bill = self._meter.bill(encode=self._asker.coding - coded, total=time.perf_counter() - begun)
-        stepped = Stepped(posture, done.cables, done.rounds, self._collisions, bill, done.crossed)
+        stepped = Stepped(posture, done.cables, done.rounds, self._collisions, bill, done.crossed, done.coupling)
         if done.has_shapes:
             self._now = stepped
         return stepped
@@ -130,13 +114,13 @@ class Loop:
         self._meter.search += time.perf_counter() - begun
         return Hanging(shape, was.boundary, *found)
 
-    def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, _Try]:
+    def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, Try]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""
         is_outrun = False  # by bodies or links that move too far in a step to be sure that they pass no cable
         if before is not None and depth < HALVINGS_MOST:
             is_outrun = outruns(rigid_motion(self._stage, before.posture, goal, before.cables), before.cables)
         is_last = before is None or (depth >= HALVINGS_MAX and not is_outrun)
-        done = _Try() if is_outrun else self._try(step, goal, before, may_jump=is_last)
+        done = Try() if is_outrun else self._try(step, goal, before, may_jump=is_last)
         if before is None or is_last:
             done.cables = done.cables if done.is_settled else unsettled(done.cables, UNSETTLED)
             return goal, done
@@ -152,9 +136,9 @@ class Loop:
         second.rounds += first.rounds
         return posture, second
 
-    def _try(self, step: int, goal: Posture, before: Stepped | None, *, may_jump: bool) -> _Try:
+    def _try(self, step: int, goal: Posture, before: Stepped | None, *, may_jump: bool) -> Try:
         """Rounds of the boundary conditions at one posture; given up early if a body may have been passed, unless it may jump."""
-        scene, done = self._stage.scene, _Try()
+        scene, done = self._stage.scene, Try()
         grasps = [self._stage.grasps(cable.name, goal) for cable in scene.cables]
         cables = self._begin(goal, before, grasps)
         # Where the cables were last known to be on the right side of every body, and the bodies' posture then.
@@ -197,11 +181,23 @@ class Loop:
                 anchor, anchor_crossed, done_at = done.cables, crossed, goal
             cables = touched or cables  # again from where nothing was touched yet
         done.is_settled &= before is None or not slipped_through(before.cables, done.cables)
+        if done.is_settled or may_jump:
+            done.coupling = self._coupling(done.cables, problems, goal)
         if done.is_settled:
             done.cables = accepted(done.cables, [problem.contacts for problem in problems], goal.surfaces, goal.time)
             crossed = crossed.accepted(done.cables) if crossed is not None else None
         done.crossed = crossed
         return done
+
+    def _coupling(self, cables: Sequence[Hanging], asked: Sequence[Problem], goal: Posture) -> tuple[float, ...]:
+        """What one more round would change of every cable [m]."""
+        begun, count = time.perf_counter(), self._stage.body_count
+        changes = tuple(
+            coupling.change(was.shape, was.boundary, joined(was, count, self._reach.bodies), own.contacts, own.grasps, goal.surfaces)
+            for was, own in zip(cables, asked, strict=True)
+        )
+        self._meter.search += time.perf_counter() - begun
+        return changes
 
     def _begin_crossed(self, before: Stepped | None) -> Crossed | None:
         """Where cables meet each other to begin with, on the nodes that they have now."""

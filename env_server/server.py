@@ -246,7 +246,6 @@ class Run:
     def _frame(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float, *, relaxing: float = 0.0) -> Frame:
         begun = time.perf_counter()
         posture, scene = stepped.posture, self._scene
-        key = stage.path.keys.index(step) if step in stage.path.keys else None
         misses, wrenches = [0.0], {}
         for cable, shape in zip(scene.cables, shapes, strict=True):
             points, holders = stage.grasp_points(cable.name, posture), stage.holders(cable.name)
@@ -269,7 +268,7 @@ class Run:
             sequence=self._sequence,
             time=posture.time + self._late,
             move=stage.path.move_at(posture.time),
-            picture=scene.pictures[key].name if key is not None else "",
+            picture=scene.pictures[stage.path.keys.index(step)].name if step in stage.path.keys else "",
             joints=posture.joints,
             poses=stage.poses(posture),
             grasps=tuple(stage.grasps(cable.name, posture) for cable in scene.cables),
@@ -283,6 +282,7 @@ class Run:
             bill=bill,
             relaxation=relaxing,
             crossing=stepped.crossed.pushes if stepped.crossed is not None else None,
+            coupling=stepped.coupling,
         )
 
     def _trouble(self, stepped: Stepped) -> str:

@@ -29,6 +29,23 @@ class Meter:
         return Bill(solve=self.solve, search=self.search, robot=self.robot, encode=encode, wire=self.wire, wait=0.0, total=total)
 
 
+@dataclass
+class Try:
+    """What one attempt at a step came to."""
+
+    cables: tuple[Hanging, ...] = ()
+    crossed: Crossed | None = None
+    rounds: int = 0
+    is_settled: bool = False
+    may_have_passed: bool = False
+    coupling: tuple[float, ...] = ()  # m, what one more round would change of every cable
+
+    @property
+    def has_shapes(self) -> bool:
+        """Whether every cable has one."""
+        return all(cable.shape.outcome is Outcome.CONVERGED for cable in self.cables)
+
+
 @dataclass(frozen=True)
 class Stepped:
     """A time step as it ended."""
@@ -39,6 +56,7 @@ class Stepped:
     collisions: tuple[tuple[str, str], ...]
     bill: Bill
     crossed: Crossed | None = None  # what the cables do to each other; None where all pass through each other
+    coupling: tuple[float, ...] = ()  # m, what one more round would change of every cable; none between two equilibria
 
 
 def touch_points(stage: Stage, stepped: Stepped) -> TouchPoints:

@@ -238,6 +238,7 @@ class Frame(Message, frozen=True):
     bill: Bill
     relaxation: float = 0.0  # share of the time from one equilibrium to the next that has passed; 0 for an equilibrium
     crossing: CablePoints | None = None  # none in a scene whose cables pass through each other
+    coupling: tuple[float, ...] = ()  # m, per cable: how far one more round would move it; none between two equilibria
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
@@ -246,6 +247,8 @@ class Frame(Message, frozen=True):
         check_floats("joints", self.joints, (len(self.joints),), EXTENT_MAX)
         check_floats("poses", self.poses, (len(self.poses), 7), EXTENT_MAX)
         check_quaternions("poses", np.ascontiguousarray(self.poses[:, 3:]), len(self.poses))
+        if not all(0.0 <= value < HUGE for value in self.coupling):
+            raise MessageError(f"coupling: {list(self.coupling)} must be 0 or more, and below {HUGE:g}", key="coupling")
         for name in ("time", "penetration", "grasp_error", "torque_ratio"):
             if not abs(getattr(self, name)) < HUGE:
                 raise MessageError(f"{name}: {getattr(self, name)!r} must be finite, and below {HUGE:g}", key=name)

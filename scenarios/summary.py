@@ -96,6 +96,10 @@ def table(summary: Summary) -> Table:
         ("worst penetration", _length(summary["worst_penetration_m"])),
         ("worst grasp error", _length(summary["worst_grasp_error_m"])),
         ("worst error estimate", _length(summary["worst_error_estimate_m"]) + above),
+        (
+            "worst coupling",
+            "unknown" if (most := summary["worst_coupling_m"]) is None else f"{_length(most)}, by one more round; within the estimate",
+        ),
         ("contacts", f"{summary['contacts_max']} at most"),
         ("rounds of a step", f"{summary['rounds_max']} at most"),
         ("tension", _figure(summary["tension_max_N"], "N at most")),
@@ -132,7 +136,9 @@ class _Tally:
     def add(self, frame: Frame, scene: Scene) -> None:
         """Count a frame of a scene in."""
         self.frames += 1
-        self._above += any(shape.error is None or shape.error > scene.tolerance for shape in frame.shapes)
+        errors = [_with_coupling(frame, index) for index in range(len(frame.shapes))]
+        self._above += any(error is None or error > scene.tolerance for error in errors)
+        self._note("coupling", max(frame.coupling, default=-np.inf))
         self._overlapping += _overlap(frame, scene)
         if frame.sequence > 0:
             self._bills.append(tuple(getattr(frame.bill, part) for part in BILL))
@@ -142,17 +148,16 @@ class _Tally:
         self._note("penetration", frame.penetration)
         self._note("grasp_error", frame.grasp_error)
         self._note("torque_ratio", frame.torque_ratio)
-        for shape in frame.shapes:
+        for shape, error in zip(frame.shapes, errors, strict=True):
             self._outcomes[shape.outcome.value] += 1
             if shape.outcome is Outcome.CONVERGED:
+                self._note("error", -np.inf if error is None else error)
                 self._add_shape(shape)
 
     def _add_shape(self, shape: Shape) -> None:
         self._paths[shape.cost.path] += 1
         self._note("tension", float(shape.tension.max(initial=-np.inf)))
         self._note("curvature", float(np.abs(shape.curvature).max(initial=0.0)))
-        if shape.error is not None:
-            self._note("error", shape.error)
         if len(shape.grasp_wrenches):
             self._note("grasp_force", float(np.linalg.norm(shape.grasp_wrenches[:, :3], axis=1).max()))
 
@@ -171,6 +176,7 @@ class _Tally:
             "worst_penetration_m": most.get("penetration"),
             "worst_grasp_error_m": most.get("grasp_error"),
             "worst_error_estimate_m": most.get("error"),
+            "worst_coupling_m": most.get("coupling"),
             "steps_above_tolerance": self._above,
             "outcomes": dict(sorted(self._outcomes.items())),
             "solved_by": dict(sorted(self._paths.items())),
@@ -185,6 +191,12 @@ class _Tally:
             "torque_ratio_max": most.get("torque_ratio"),
             "bill_ms": {part: 1e3 * float(np.median(bills[:, column])) if len(bills) else 0.0 for column, part in enumerate(BILL)},
         }
+
+
+def _with_coupling(frame: Frame, index: int) -> float | None:
+    """Estimated error [m] of a cable at the end of a step: of its shape, and what one more round would change; None if unknown."""
+    error = frame.shapes[index].error
+    return error if error is None or not frame.coupling else error + frame.coupling[index]
 
 
 def _overlap(frame: Frame, scene: Scene) -> bool:

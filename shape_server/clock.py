@@ -24,7 +24,7 @@ from .numpy_vertices import relative
 from .rod import Rod, State
 
 SPARE: Final = 0.9  # of the budget, that is planned for
-MANY: Final = 12  # contacts beyond which a settling is watched step by step; the kernel that allows it is loaded for them alone
+MANY: Final = 8  # contacts beyond which a settling is watched step by step; the kernel that allows it is loaded for them alone
 SLICE: Final = 50  # steps between two signs of life
 FIRST: Final = 2  # slices of one step each, of which the first may have loaded a library and so tell too much
 PART: Final = 8  # of what is left, one slice takes no more than this part

@@ -13,6 +13,7 @@ import numpy as np
 from protocol.messages import Problem
 from protocol.scene import Vector
 
+from . import effects
 from .clock import Clock
 from .contact_geometry import FACE
 from .descent import Progress
@@ -40,7 +41,10 @@ class Task:
 
     def system(self, mesh: Mesh) -> System:
         """The equations on a mesh."""
-        return build(self.problem, self.gravity, self.used, mesh, self._touching)
+        touching, contacts = self._touching, self.problem.contacts
+        if self.budget is not None and touching is not None and contacts is not None and contacts.rubbing is None:
+            touching = effects.load("contact").thinned(contacts, touching, mesh)
+        return build(self.problem, self.gravity, self.used, mesh, touching)
 
     @cached_property
     def _touching(self) -> Any:

@@ -7,6 +7,7 @@
 | tolerance kept | the true error is below the tolerance asked for, where the answer does not say otherwise | in 99 % |
 | budget kept | CPU time is at most 1.2 times the budget asked for | in 95 % |
 | answered | the budget reached for a shape; else the answer says that it did not | |
+| its coverage | the true error of such a shape is below its estimate, where it has one; none takes a second mesh | in 95 % |
 
 The true error is the largest distance of any node from the exact point at its arc length, from references of other making
 (`boundary_value`, `floor`, `hanging`); a catenary promises the polyline between its nodes too. A request
@@ -25,13 +26,14 @@ from typing import Final
 import numpy as np
 
 from protocol.kinds import Outcome
+from protocol.messages import Shape
 
 from .. import kernels
 from ..solve import solve
 from .draws import Draw, draw, true_error
 
 ROUNDING: Final = 1e-10  # of the length, below which errors are rounding
-WARM_UP: Final = 5  # requests, one of each kind
+WARM_UP: Final = 10  # requests, two of each kind
 LATE: Final = 1.2  # times the budget
 BUDGETS: Final = (2e-3, 0.1)  # s, drawn evenly in the logarithm
 COVERAGE, PESSIMISM, TOLERANCE_KEPT, BUDGET_KEPT = 0.95, 3.0, 0.99, 0.95
@@ -51,6 +53,8 @@ class Audited:
     budget: float = 0.0  # s
     spent: float = 0.0  # s of CPU, of the answer to the budget
     is_answered: bool = True  # whether that is a shape
+    budget_error: float = 0.0  # over the length, true, of that
+    budget_estimate: float | None = None  # over the length; none without a shape or a second mesh
 
     @property
     def is_covered(self) -> bool:
@@ -80,12 +84,18 @@ class Summary:
     tolerance_kept: float
     budget_kept: float
     answered: float
+    answered_coverage: float  # of the answers by budget that have an estimate
     milliseconds: float  # of CPU, median, by tolerance
 
     @property
     def is_true(self) -> bool:
         """Whether the price tags are as good as wanted."""
-        shares = ((self.coverage, COVERAGE), (self.tolerance_kept, TOLERANCE_KEPT), (self.budget_kept, BUDGET_KEPT))
+        shares = (
+            (self.coverage, COVERAGE),
+            (self.tolerance_kept, TOLERANCE_KEPT),
+            (self.budget_kept, BUDGET_KEPT),
+            (self.answered_coverage, COVERAGE),
+        )
         return self.pessimism <= PESSIMISM and all(share >= wanted for share, wanted in shares)
 
 
@@ -105,7 +115,8 @@ def audited(seed: int) -> Audited:
     seconds = time.process_time() - begun
     if shape.outcome is not Outcome.CONVERGED or shape.error is None:
         return Audited(seed, drawn.kind, f"no shape: {shape.sentence}")
-    budget, spent, is_answered = _within_budget(drawn, seed)
+    budget, spent, within = _within_budget(drawn, seed)
+    is_answered = within.outcome is Outcome.CONVERGED
     exact = drawn.exact(shape)
     if exact is None:
         return Audited(seed, drawn.kind, "no reference was found")
@@ -120,6 +131,8 @@ def audited(seed: int) -> Audited:
         budget=budget,
         spent=spent,
         is_answered=is_answered,
+        budget_error=true_error(within, exact) / length if is_answered else 0.0,
+        budget_estimate=None if within.error is None else within.error / length,
     )
 
 
@@ -132,7 +145,8 @@ def summaries(results: Sequence[Audited]) -> list[Summary]:
 def _summary(kind: str, results: Sequence[Audited]) -> Summary:
     known = [one for one in results if not one.sentence]
     if not known:
-        return Summary(kind, len(results), len(results), 1.0, 1.0, 1.0, 1.0, 1.0, 0.0)
+        return Summary(kind, len(results), len(results), 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0)
+    estimated = [(one.budget_error, one.budget_estimate) for one in known if one.budget_estimate is not None]
     return Summary(
         kind=kind,
         cases=len(results),
@@ -142,15 +156,16 @@ def _summary(kind: str, results: Sequence[Audited]) -> Summary:
         tolerance_kept=statistics.fmean(one.is_within for one in known),
         budget_kept=statistics.fmean(one.spent <= LATE * one.budget for one in known),
         answered=statistics.fmean(one.is_answered for one in known),
+        answered_coverage=statistics.fmean([error <= max(estimate, ROUNDING) for error, estimate in estimated] or [1.0]),
         milliseconds=1e3 * statistics.median(one.seconds for one in known),
     )
 
 
-def _within_budget(drawn: Draw, seed: int) -> tuple[float, float, bool]:
-    """A budget [s], the CPU time of an answer to it, and whether that is a shape."""
+def _within_budget(drawn: Draw, seed: int) -> tuple[float, float, Shape]:
+    """A budget [s], the CPU time of an answer to it, and that."""
     low, high = np.log(BUDGETS)
     budget = float(np.exp(np.random.default_rng([21, seed]).uniform(low, high)))
     gc.collect()  # what the reference before has left is not the solver's to clear away
     begun = time.process_time()
     shape = solve(drawn.problem, drawn.gravity, budget=budget, path=kernels)
-    return budget, time.process_time() - begun, shape.outcome is Outcome.CONVERGED
+    return budget, time.process_time() - begun, shape

@@ -213,6 +213,7 @@ def frame() -> Frame:
         collisions=(("left_hand", "dashboard"),),
         torque_ratio=0.1,
         bill=Bill(solve=1e-3, search=1e-3, robot=1e-3, encode=1e-3, wire=1e-3, wait=0.0, total=5e-3),
+        coupling=(1e-6,),
         crossing=CablePoints(cable=np.array([[0, 0]]), s=np.array([[0.3, 0.9]]), point=np.ones((1, 3)), force=np.ones((1, 3))),
     )
 

@@ -173,7 +173,7 @@ OPTIONAL = {
     ("ShapeRequest", "self_contacts"), ("ShapeRequest", "inclination"), ("ShapeReply", "self_reactions"), ("Frame", "self_reactions"),
     ("ShapeReply", "rubbed"), ("Frame", "rubbed"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
     ("ShapeRequest", "effects"), ("ShapeReply", "predicted"), ("Frame", "predicted"),
-    ("ShapeRequest", "crossings"), ("ShapeReply", "crossings"), ("Frame", "crossing"),
+    ("ShapeRequest", "crossings"), ("ShapeReply", "crossings"), ("Frame", "crossing"), ("Frame", "coupling"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
 

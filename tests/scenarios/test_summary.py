@@ -39,6 +39,13 @@ def test_a_summary_holds_the_extremes_of_the_run(tmp_path: Path) -> None:
     assert found["versions"] == {"python": "3"}
 
 
+def test_what_one_more_round_would_change_is_part_of_the_error(tmp_path: Path) -> None:
+    frames = [frame(0), frame(1, coupling=(3e-4,)), frame(2, coupling=(1e-9,))]
+    found = summary.summarise(record(tmp_path / "r", frames, finished=END))
+    assert found["worst_coupling_m"] == 3e-4
+    assert found["worst_error_estimate_m"] == pytest.approx(1e-4 + 3e-4)
+
+
 def test_what_a_recording_cannot_say_is_null(tmp_path: Path) -> None:
     found = summary.summarise(record(tmp_path / "r", []))
 
@@ -51,6 +58,7 @@ def test_what_a_recording_cannot_say_is_null(tmp_path: Path) -> None:
         "worst_penetration_m",
         "worst_grasp_error_m",
         "worst_error_estimate_m",
+        "worst_coupling_m",
         "tension_max_N",
         "bend_radius_min_m",
         "grasp_force_max_N",
