@@ -132,7 +132,7 @@ def compliance(own: Knots, axes: Sequence[Array]) -> Array:
     blocks = np.einsum("rbsx,bsx,qbsx->brq", slope, own.give, slope)
     out = np.zeros((len(blocks), ROWS, len(blocks), ROWS))
     out[np.arange(len(blocks)), :, np.arange(len(blocks)), :] = blocks
-    return out.reshape(ROWS * len(blocks), -1)
+    return out.reshape(ROWS * len(blocks), ROWS * len(blocks))
 
 
 def points(path: ModuleType, own: Knots, nodes: Sequence[Array], axes: Sequence[Array]) -> Array:
