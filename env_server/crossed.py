@@ -8,7 +8,7 @@ cables). Cables of different kinds, and all others, pass through each other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Final
@@ -20,15 +20,14 @@ from protocol.kinds import SelfInteraction, SelfTouch
 from protocol.messages import CablePoints, CrossingReactions, Crossings, Shape
 from protocol.scene import Cable
 
-from .polyline import points_at
-from .self_boundary import NEAR, all_have_rows, handed_on, places_of
+from .polyline import smooth_at
+from .self_boundary import NEAR, Meeting, all_have_rows, beside, handed_on, places_of
 from .self_touch import SelfCandidates, search_two
 
 if TYPE_CHECKING:
     from .hanging import Hanging
 
 APART: Final = 0.5  # of a segment; a place as near to a knot, on both cables, is not knotted again
-AT_KNOT: Final = 1.5  # segments; a place as near to a knot, on both cables, is that of the knot
 UP: Final = np.array([0.0, 0.0, 1.0])  # of a knot, whose normal says nothing
 NOTHING: Final = CablePoints(cable=np.zeros((0, 2), dtype=np.int64), s=np.zeros((0, 2)), point=np.zeros((0, 3)), force=np.zeros((0, 3)))
 
@@ -68,8 +67,13 @@ class Crossed:
         near = []
         for pair in self.pairs:
             nodes, reach = (shapes[pair.first].nodes, shapes[pair.second].nodes), 0.5 * NEAR * pair.distance
-            near.append(self._beside_knots(pair, search_two(*nodes, pair.distance, reach, max(room, reach)), shapes))
+            found = search_two(*nodes, pair.distance, reach, max(room, reach))
+            near.append(beside(found, self._knotted(pair.first, pair.second, shapes)))
         return replace(self, near=tuple(near))
+
+    def itself(self, index: int, own: Meeting, shape: Shape) -> Meeting:
+        """Where a cable meets itself, but for its knots."""
+        return own.beside(self._knotted(index, index, {index: shape}))
 
     def asked(self, shapes: Sequence[Shape]) -> Crossings | None:
         """The rows to ask the shape server about, by the shapes that were looked at; None if there are none."""
@@ -127,24 +131,23 @@ class Crossed:
         """With every push between places that stick turned into a knot, where none is near; once a step has settled."""
         shapes, knots = [cable.shape for cable in cables], list(self.knots)
         radii = [cable.boundary.radius for cable in cables]
-        pushes = [(tuple(pair), tuple(s)) for pair, s in zip(self.pushes.cable.tolist(), self.pushes.s.tolist(), strict=True)]
-        pushes = [(pair, s) for pair, s in pushes if any(p.sticks and (p.first, p.second) == pair for p in self.pairs)]
+        acting = zip(self.pushes.cable.tolist(), self.pushes.s.tolist(), self.pushes.force, strict=True)
+        pushes = [(tuple(pair), tuple(s), force) for pair, s, force in acting]
+        pushes = [push for push in pushes if any(p.sticks and (p.first, p.second) == push[0] for p in self.pairs)]
         for index in self.sticking:
             own = shapes[index].self_reactions
-            on = [] if own is None else own.s[(own.force != 0.0).any(axis=1)].tolist()
-            pushes += [((index, index), tuple(s)) for s in on]
-        for pair, s in pushes:
+            places = () if own is None else zip(own.s.tolist(), own.force, strict=True)
+            pushes += [((index, index), tuple(s), force) for s, force in places if force.any()]
+        for pair, s, force in pushes:
             size = [APART * float(np.diff(shapes[index].s).max()) for index in pair]
             if not any(k.cable == pair and all(abs(k.s[side] - s[side]) < size[side] for side in range(2)) for k in knots):
-                knots.append(_knot(pair, s, shapes, radii))
+                knots.append(_knot(pair, s, force, shapes, radii))
         return replace(self, knots=tuple(knots))
 
-    def _beside_knots(self, pair: Pair, found: SelfCandidates, shapes: Sequence[Shape]) -> SelfCandidates:
-        """The places that are not those of a knot, which holds the two cables apart too."""
-        knots = np.array([knot.s for knot in self.knots if knot.cable == (pair.first, pair.second)]).reshape(-1, 2)
-        away = np.abs(found.place[:, None] - _places(knots, shapes, pair)[None]).max(axis=2)
-        free = away.min(axis=1, initial=np.inf) > AT_KNOT
-        return replace(found, place=found.place[free], normal=found.normal[free], gap=found.gap[free]) if len(knots) else found
+    def _knotted(self, first: int, second: int, shapes: Sequence[Shape] | Mapping[int, Shape]) -> np.ndarray:
+        """Places (b, 2) [segments from the start] of the knots of two cables, or of one with itself."""
+        knots = np.array([knot.s for knot in self.knots if knot.cable == (first, second)]).reshape(-1, 2)
+        return np.column_stack([places_of(s, shapes[index].s) for s, index in zip(knots.T, (first, second), strict=True)])
 
     def _shared(self, pair: Pair, found: SelfCandidates, shapes: Sequence[Shape]) -> np.ndarray:
         """What pushed the pair in the last answer, on the rows of now."""
@@ -176,9 +179,9 @@ def _places(arc_lengths: np.ndarray, shapes: Sequence[Shape], pair: Pair) -> np.
     return np.column_stack([places_of(own, s) for own, s in sides])
 
 
-def _knot(pair: tuple[int, int], s: tuple[float, float], shapes: Sequence[Shape], radii: Sequence[float]) -> Knot:
+def _knot(pair: tuple[int, int], s: tuple[float, float], force: np.ndarray, shapes: Sequence[Shape], radii: Sequence[float]) -> Knot:
     """Two places that push each other, stuck together at the point between their surfaces."""
-    axes = [points_at(shapes[index], np.array([own]))[0] for index, own in zip(pair, s, strict=True)]
+    axes = [smooth_at(shapes[index], np.array([own]))[0] for index, own in zip(pair, s, strict=True)]
     share = radii[pair[0]] / (radii[pair[0]] + radii[pair[1]])
     point, arms = axes[0] + share * (axes[1] - axes[0]), []
     for index, own, axis in zip(pair, s, axes, strict=True):
@@ -188,4 +191,4 @@ def _knot(pair: tuple[int, int], s: tuple[float, float], shapes: Sequence[Shape]
         last = float(np.clip((own - middles[first]) / (middles[first + 1] - middles[first]), 0.0, 1.0))
         before, after = Rotation.from_quat(shape.frames[first : first + 2]).as_matrix()
         arms.append(np.linalg.solve((1.0 - last) * before + last * after, point - axis))
-    return Knot(pair, s, np.array(arms), np.zeros(3))
+    return Knot(pair, s, np.array(arms), force)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from protocol.effects import GOING
 from protocol.kinds import Outcome
-from protocol.messages import Contacts, Grasps, SelfContacts, Shape, Start
+from protocol.messages import Contacts, Grasps, Shape, Start
 
 from .boundary import Boundary
 from .remesh import blended
@@ -40,11 +40,6 @@ def start_of(was: Hanging | None) -> Start | None:
     going = {one.name for one in shape.predicted if one.why == GOING}
     kept = tuple(name for name in shape.effects if name not in going)
     return Start(s=shape.s, frames=shape.frames, grasp_forces=shape.grasp_wrenches[:, :3], effects=kept)
-
-
-def meetings(was: Hanging | None) -> SelfContacts | None:
-    """Where a cable may touch itself next; None if nowhere."""
-    return None if was is None or was.own is None else was.own.contacts(was.shape.s)
 
 
 def least_share(was: Hanging, now: Shape, least: float) -> float:

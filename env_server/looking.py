@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.messages import Problem, Shape
+from protocol.messages import Problem, SelfContacts, Shape
 
+from .crossed import Crossed
 from .first_touch import sides
 from .hanging import Hanging, Near, joined
-from .self_boundary import meet
+from .self_boundary import Meeting, meet
 from .stage import Posture, Stage
 from .touch import Candidates
 
@@ -32,7 +33,13 @@ def near(stage: Stage, index: int, shape: Shape, goal: Posture, previous: Hangin
 
 
 def seen(
-    stage: Stage, was: Sequence[Hanging | None], shapes: Sequence[Shape], problems: Sequence[Problem], goal: Posture, reach: Reach
+    stage: Stage,
+    was: Sequence[Hanging | None],
+    shapes: Sequence[Shape],
+    problems: Sequence[Problem],
+    goal: Posture,
+    reach: Reach,
+    crossed: Crossed | None,
 ) -> tuple[list[Hanging], bool]:
     """The cables with their new shapes and what is near them there, and whether each has settled as far as bodies and itself go."""
     hanging, is_settled = list[Hanging](), True
@@ -41,9 +48,20 @@ def seen(
         boundary = boundary.after(problem.contacts, shape, goal.surfaces)
         now = Hanging(shape, boundary, *near(stage, index, shape, goal, before, reach))
         is_settled &= boundary.is_settled(joined(now, stage.body_count, reach.bodies), shape.s)
-        is_settled &= now.own is None or now.own.is_settled(problem.self_contacts, shape)
+        own = _beside_knots(index, now, crossed)
+        is_settled &= own is None or own.is_settled(problem.self_contacts, shape)
         hanging.append(now)
     return hanging, is_settled
+
+
+def meetings(index: int, was: Hanging | None, crossed: Crossed | None) -> SelfContacts | None:
+    """Where a cable may touch itself next; None if nowhere."""
+    own = None if was is None else _beside_knots(index, was, crossed)
+    return None if was is None or own is None else own.contacts(was.shape.s)
+
+
+def _beside_knots(index: int, cable: Hanging, crossed: Crossed | None) -> Meeting | None:
+    return cable.own if cable.own is None or crossed is None else crossed.itself(index, cable.own, cable.shape)
 
 
 def near_bodies(stage: Stage, index: int, shape: Shape, goal: Posture, previous: Hanging | None, reach: Reach) -> Candidates:

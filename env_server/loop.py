@@ -25,7 +25,7 @@ from . import coupling, looking, remesh
 from .asking import Asker
 from .crossed import Crossed
 from .first_touch import with_first_touches, within
-from .hanging import Hanging, accepted, joined, least_share, meetings, nowhere, part_way, start_of, unsettled
+from .hanging import Hanging, accepted, joined, least_share, nowhere, part_way, start_of, unsettled
 from .looking import Reach
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped, Try
@@ -148,7 +148,7 @@ class Loop:
         has_moved_robot, look = False, partial(looking.touching, self._stage)
         while done.rounds < (ROUNDS_JUMP if may_jump else ROUNDS_MAX):
             done.rounds += 1
-            problems = self._problems(goal, cables, grasps)
+            problems = self._problems(goal, cables, grasps, crossed)
             asked = crossed.asked([was.shape for was in cables if was is not None]) if crossed is not None else None
             shapes, reactions = self._ask(step, problems, asked, goal, has_moved_robot=has_moved_robot)
             has_moved_robot = True
@@ -159,7 +159,7 @@ class Loop:
                 )
                 return done
             begun = time.perf_counter()
-            hanging, done.is_settled = looking.seen(self._stage, cables, shapes, problems, goal, self._reach)
+            hanging, done.is_settled = looking.seen(self._stage, cables, shapes, problems, goal, self._reach, crossed)
             if crossed is not None:
                 crossed = crossed.after(asked, reactions).looked(shapes, self._reach.own)
                 done.is_settled &= crossed.is_settled(asked, shapes)
@@ -205,15 +205,17 @@ class Loop:
             return self._stage.crossed
         return before.crossed.looked([cable.shape for cable in before.cables], self._reach.own)
 
-    def _problems(self, goal: Posture, cables: Sequence[Hanging | None], grasps: list[Grasps]) -> tuple[Problem, ...]:
+    def _problems(
+        self, goal: Posture, cables: Sequence[Hanging | None], grasps: list[Grasps], crossed: Crossed | None
+    ) -> tuple[Problem, ...]:
         """What to ask the shape server: every cable with its present boundary conditions."""
         begun, count, table = time.perf_counter(), self._stage.body_count, table_of(self._stage.scene.effects)
         problems = []
-        for cable, grasp, was in zip(self._stage.scene.cables, grasps, cables, strict=True):
+        for index, (cable, grasp, was) in enumerate(zip(self._stage.scene.cables, grasps, cables, strict=True)):
             contacts = None
             if was is not None:
                 contacts = was.boundary.contacts(joined(was, count, self._reach.bodies), was.shape.s, goal.surfaces, goal.time)
-            start, own = start_of(was), meetings(was)
+            start, own = start_of(was), looking.meetings(index, was, crossed)
             problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start, self_contacts=own, effects=table))
         self._meter.search += time.perf_counter() - begun
         return tuple(problems)

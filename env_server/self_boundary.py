@@ -6,7 +6,7 @@ in the last shape that settled, and no step may take two strands through each ot
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from .self_touch import SelfCandidates, search
 DEPTH_OK: Final = 2e-6  # m; deeper, and the boundary conditions are evaluated again
 NEAR: Final = 6.0  # radii, gap within which places are handed to the shape server
 SAME_PLACE: Final = 1.6  # segments; a push as near to a row at both places says the same
+AT_KNOT: Final = 1.5  # segments; a place as near to a knot, on both strands, is that of the knot
 SAME_SIDE: Final = -0.5  # cosine; a normal may turn by up to 120 degrees in one step
 NO_REACTIONS: Final = SelfReactions(s=np.zeros((0, 2)), force=np.zeros((0, 3)), gap=np.zeros(0))
 
@@ -31,6 +32,10 @@ class Meeting:
     radius: float  # m
     candidates: SelfCandidates
     reactions: SelfReactions
+
+    def beside(self, knots: np.ndarray) -> Meeting:
+        """Without the places at knots (b, 2) [segments from the start]."""
+        return replace(self, candidates=beside(self.candidates, knots))
 
     def contacts(self, s: np.ndarray) -> SelfContacts | None:
         """The rows to ask the shape server about; None if no two places are within reach.
@@ -78,6 +83,14 @@ def meet(cable: Cable, shape: Shape, room: float) -> Meeting | None:
     radius = 0.5 * cable.diameter
     reactions = shape.self_reactions if shape.self_reactions is not None else NO_REACTIONS
     return Meeting(radius, search(shape.nodes, shape.s, radius, NEAR * radius, max(room, NEAR * radius)), reactions)
+
+
+def beside(found: SelfCandidates, knots: np.ndarray) -> SelfCandidates:
+    """The places that are not those of knots (b, 2) [segments from the start], which hold the surfaces together and apart."""
+    if not len(knots):
+        return found
+    free = np.abs(found.place[:, None] - knots[None]).max(axis=2).min(axis=1) > AT_KNOT
+    return replace(found, place=found.place[free], normal=found.normal[free], gap=found.gap[free])
 
 
 def handed_on(found: SelfCandidates, places: np.ndarray, forces: np.ndarray) -> np.ndarray:

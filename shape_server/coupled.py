@@ -27,6 +27,7 @@ from .crossing import Crossing, Met
 from .equilibrium import DONE, EXACT, MISS_DONE, NEUTRAL, NO_MINIMUM, NOT_FINITE, SHIFT_LEAST, SHIFT_MOST, TURN_MAX, UNSTABLE, Settled
 from .knots import Knots
 from .newton import Step
+from .numbering import Numbering
 from .rod import Rod, State, View
 from .strand_rows import Spread
 from .system import System
@@ -58,6 +59,10 @@ class Group:
         """[m/N] Compliance of what touches or sticks."""
         return SOFTNESS / self.scale
 
+    def tied(self, now: Together) -> Knots:
+        """The knots under the forces of now."""
+        return knots.ahead(self.knots, now.pull, now.axes)
+
     @property
     def neutral(self) -> float:
         """[N] Stiffness below which a direction is neutral, not unstable."""
@@ -72,7 +77,7 @@ class Together:
     views: tuple[View, ...]
     met: Met
     push: Array  # (k,) N
-    pull: Array  # (b, 3) N
+    pull: Array  # (b, 5) N
 
     @property
     def nodes(self) -> list[Array]:
@@ -157,7 +162,7 @@ def _loaded(group: Group, now: Together) -> tuple[tuple[Rod, ...], tuple[Array, 
     forces = [system.rod.loads.copy() for system in group.systems]
     couples = [np.zeros((len(system.rod.lengths), 3)) for system in group.systems]
     crossing.add_forces(group.path, group.crossing, now.met, now.push, forces)
-    knots.add_forces(group.knots, now.pull, now.axes, forces, couples)
+    knots.add_forces(group.path, group.tied(now), now.pull, now.axes, forces, couples)
     return tuple(system.rod._replace(loads=load) for system, load in zip(group.systems, forces, strict=True)), tuple(couples)
 
 
@@ -174,31 +179,33 @@ class _Joint:
 
 
 def _step(group: Group, now: Together, rods: Sequence[Rod], couples: Sequence[Array], shift: float) -> _Joint:
-    path, ties, hard = group.path, 3 * len(group.knots.cable), group.hard
+    path, hard, own_knots, ties = group.path, group.hard, group.tied(now), knots.ROWS * len(group.knots.cable)
     crossed, stiffness = crossing.strips(path, group.crossing, now.met, now.push, now.nodes, ties, group.scale)
-    tied, turned = knots.strips(group.knots, now.axes, 0)
+    tied, turned = knots.strips(path, own_knots, now.axes, 0)
+    bent, more_stiffness = knots.tilts(own_knots, now.pull, now.axes, ties + len(now.push) + len(stiffness), group.scale)
+    stiffness = np.concatenate([stiffness, more_stiffness])
     shared = ties + len(now.push) + len(stiffness)
     blocks = [np.zeros((len(rod.lengths), 3, 3)) for rod in rods]
-    knots.curve(group.knots, now.pull, now.axes, blocks)
+    knots.curve(own_knots, now.pull, now.axes, blocks)
     parts = []
     for i, rod in enumerate(rods):
         more = np.zeros((len(rod.lengths), 3, shared))
         for strip in (tied[i], crossed[i]):
-            spread = Spread(strip.row, strip.node, strip.coef)
-            path.add_spread(now.views[i].axes, rod.lengths, rod.base, spread, more)
-        for segment, row, slope in turned[i]:
+            path.add_spread(now.views[i].axes, rod.lengths, rod.base, Spread(strip.row, strip.node, strip.coef), more)
+        for segment, row, slope in turned[i] + bent[i]:
             more[segment, :, row] += slope
         parts.append(_part(path, rod, now.states[i], now.views[i], couples[i], blocks[i], more, shift))
-    joint = _Rows(parts, ties, len(now.push), shared)
+    joint = Numbering([part.border for part in parts], ties, len(now.push), shared)
     for part, own in zip(parts, joint.own, strict=True):
         every = np.concatenate([own, joint.shared])
         joint.matrix[np.ix_(every, every)] += part.schur[:, :-1]
         joint.right[every] += part.schur[:, -1]
         joint.matrix[np.ix_(own, own)] += part.border.compliance
         joint.right[own] -= part.border.residual
-    apart = knots.points(group.knots, now.nodes, now.axes)
-    residual = np.concatenate([(apart[:, 0] - apart[:, 1]).ravel() + hard * now.pull.ravel(), now.met.gap + hard * now.push])
+    off = knots.misses(path, own_knots, now.nodes, now.axes) + hard * now.pull
+    residual = np.concatenate([off.ravel(), now.met.gap + hard * now.push])
     joint.matrix[joint.shared, joint.shared] += np.concatenate([np.full(len(residual), hard), 1.0 / stiffness])
+    joint.matrix[np.ix_(joint.shared[:ties], joint.shared[:ties])] += knots.compliance(own_knots, now.axes)
     joint.right[joint.shared[: len(residual)]] -= residual
     pushes = np.concatenate([*(now.states[i].push[part.border.contacts] for i, part in enumerate(parts)), now.push])
     change, closed, positive = path.close(joint.matrix, joint.right, joint.contacts.start, len(pushes), pushes, True)
@@ -211,7 +218,7 @@ def _step(group: Group, now: Together, rods: Sequence[Rod], couples: Sequence[Ar
         states.append(_forced(now.states[i], part.border, change[own], closed[at : at + len(part.border.contacts)]))
         at += len(part.border.contacts)
     new_push = np.where(closed[at:], now.push + change[joint.shared[ties : ties + len(now.push)]], 0.0)
-    new_pull = now.pull + change[joint.shared[:ties]].reshape(-1, 3)
+    new_pull = now.pull + change[joint.shared[:ties]].reshape(-1, knots.ROWS)
     return _Joint(turns, states, new_push, new_pull, bool(is_stable), max(part.unbalanced for part in parts))
 
 
@@ -241,25 +248,6 @@ def _part(path: ModuleType, rod: Rod, state: State, view: View, couples: Array, 
     answers = right.reshape(size, -1)
     schur = columns.reshape(size, -1).T @ answers
     return _Part(border, answers, schur, int(negative), float((np.abs(gradient) / rod.lengths[:, None]).max()))
-
-
-class _Rows:
-    """The numbers of all rows in the order of `closing`: held points and knots, contacts, curvature."""
-
-    def __init__(self, parts: Sequence[_Part], ties: int, crossings: int, shared: int) -> None:
-        held = [len(part.border.held) for part in parts]
-        touching = [len(part.border.contacts) for part in parts]
-        rest = [len(part.border.element) - h - c for part, h, c in zip(parts, held, touching, strict=True)]
-        first = sum(held) + ties
-        self.contacts = slice(first, first + sum(touching) + crossings)
-        count = self.contacts.stop + sum(rest) + shared - ties - crossings
-        self.matrix, self.right = np.zeros((count, count)), np.zeros(count)
-        self.own: list[Array] = []
-        a, b, c = 0, first, self.contacts.stop
-        for h, t, r in zip(held, touching, rest, strict=True):
-            self.own.append(np.concatenate([np.arange(a, a + h), np.arange(b, b + t), np.arange(c, c + r)]))
-            a, b, c = a + h, b + t, c + r
-        self.shared = np.concatenate([np.arange(a, a + ties), np.arange(b, b + crossings), np.arange(c, count)])
 
 
 def _forced(state: State, border: Any, change: Array, closed: Array) -> State:
@@ -295,6 +283,7 @@ def _is_held(group: Group, now: Together) -> bool:
     least = MISS_DONE * min(system.rod.length for system in group.systems)
     balance = now.met.gap + group.hard * now.push
     miss = np.where(now.push > 0.0, np.abs(balance), -balance)
-    apart = knots.points(group.knots, now.nodes, now.axes)
-    off = np.abs(apart[:, 0] - apart[:, 1] + group.hard * now.pull)
-    return bool(miss.max(initial=0.0) < least and off.max(initial=0.0) < least)
+    apart = knots.misses(group.path, group.tied(now), now.nodes, now.axes)
+    if not (knots.are_joined(group.knots, apart) and crossing.are_apart(now.met, least / MISS_DONE)):
+        return False
+    return bool(max(miss.max(initial=0.0), np.abs(apart + group.hard * now.pull).max(initial=0.0)) < least)

@@ -19,6 +19,7 @@ import numpy as np
 
 from protocol.messages import Crossings
 
+from .equilibrium import GIVE_MAX
 from .mesh import Mesh
 from .strand_rows import WEAK
 
@@ -77,6 +78,11 @@ def meet(path: ModuleType, crossing: Crossing, nodes: Sequence[Array], before: M
         place[k] = path.slide(own, others, place[k, 0], place[k, 1], crossing.cell[k], weights, one, other)
         gap[k] = path.apart(one, other, crossing.distance[k], normal[k])
     return Met(place, normal, gap)
+
+
+def are_apart(met: Met, length: float) -> bool:
+    """Whether no row has given way further than its softness can be meant, for cables of a length [m]."""
+    return bool(met.gap.min(initial=0.0) >= -GIVE_MAX * length)
 
 
 def add_forces(path: ModuleType, crossing: Crossing, met: Met, push: Array, forces: Sequence[Array]) -> None:

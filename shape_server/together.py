@@ -68,7 +68,8 @@ def _together(
     """The shapes of one group; what they do to each other goes into `reactions`."""
     problems = [request.problems[index] for index in members]
     used = [effects.asked_for(problem, request.gravity) for problem in problems]
-    sentence = next((f"cable '{problem.cable.name}' {why}" for problem in problems if (why := _not_built(problem))), "")
+    what = "touches another cable" if len(members) > 1 else "sticks to itself"
+    sentence = next((f"cable '{problem.cable.name}' {what} and {why}" for problem in problems if (why := _not_built(problem))), "")
     if sentence:
         return [no_shape(*item, Outcome.UNSUPPORTED, sentence, "rod", 0.0) for item in zip(problems, used, strict=True)]
     tasks = [
@@ -82,7 +83,7 @@ def _together(
     states = [system.start(frames) for system, frames in zip(group.systems, _frames(problems), strict=True)]
     found = coupled.settle(group, coupled.begin(group, states, met, push, pull))
     if not found.is_good:
-        why = f"cables that touch each other, together: {WHY[found.why]}"
+        why = f"{_named(problems)}: {WHY[found.why]}"
         outcome = Outcome.UNSTABLE if found.why == UNSTABLE else Outcome.NOT_CONVERGED
         return [no_shape(task.problem, task.used, outcome, why, "rod", task.seconds, found.iterations) for task in tasks]
     fine = _solutions(tasks, group, found)
@@ -91,18 +92,24 @@ def _together(
     return [_shape(task, fine[i], None if coarse is None else coarse[i], found, i) for i, task in enumerate(tasks)]
 
 
+def _named(problems: Sequence[Problem]) -> str:
+    """Which cables these are, and why they are solved as one system."""
+    names = [f"'{problem.cable.name}'" for problem in problems]
+    return f"cable {names[0]}, stuck to itself" if len(names) == 1 else f"cables {' and '.join(names)}, which touch each other, together"
+
+
 def _not_built(problem: Problem) -> str:
-    """Why a cable cannot be solved together with others; empty if it can."""
+    """Why a cable cannot be solved together with others or stuck to itself; empty if it can."""
     if problem.cable.bending is None:
-        return "touches another cable and has no bending: give it 'bending' and 'twist'"
+        return "has no bending: give it 'bending' and 'twist'"
     if problem.cable.stretch is not None:
-        return "touches another cable and stretches, which is not built: leave out 'stretch'"
+        return "stretches, which is not built: leave out 'stretch'"
     if problem.start is None:
-        return "touches another cable and has no start shape, which says on which side it is: give 'start'"
+        return "has no start shape, which says on which side it is: give 'start'"
     if len(pieces.cuts(problem)) > 2:
-        return "touches another cable and has clamps along its way, which is not built: hold it there by hinges"
+        return "has clamps along its way, which is not built: hold it there by hinges"
     if effects.rubs(problem):
-        return "touches another cable and rubs on a body, which is not built: give the body friction 'none' or 'bond'"
+        return "rubs on a body, which is not built: give the body friction 'none' or 'bond'"
     return ""
 
 
@@ -125,8 +132,8 @@ def _equations(tasks: Sequence[Task], meshes: Sequence[Mesh], asked: Crossings) 
     """The equations on these meshes, where the cables meet to begin with, and the forces of what touches and of what sticks."""
     sticks = asked.kind == SelfTouch.BOND
     touching, met, push = crossing.rows(asked, np.flatnonzero(~sticks), meshes)
-    tied, pull = knots.knots(asked, np.flatnonzero(sticks), meshes)
     systems = tuple(task.system(mesh) for task, mesh in zip(tasks, meshes, strict=True))
+    tied, pull = knots.knots(asked, np.flatnonzero(sticks), meshes, [system.rod for system in systems])
     return Group(tasks[0].path, systems, touching, tied), met, push, pull
 
 
@@ -164,7 +171,7 @@ def _forces(asked: Crossings, found: coupled.Outcome) -> np.ndarray:
     """Forces (k, 3) [N] of all rows on their first cables."""
     out, sticks = np.zeros((len(asked.kind), 3)), asked.kind == SelfTouch.BOND
     out[~sticks] = found.now.push[:, None] * found.now.met.normal
-    out[sticks] = found.now.pull
+    out[sticks] = found.now.pull[:, :3]
     return out
 
 
@@ -189,6 +196,6 @@ def _react(
         point_at(now.nodes[group.crossing.cable[k, 1]], met.place[k, 1], weights, out)
         reactions.point[row] = out[0] + 0.5 * (met.gap[k] + group.crossing.distance[k]) * met.normal[k]
         reactions.gap[row] = met.gap[k]
-    apart = knots.points(group.knots, now.nodes, now.axes)
+    apart = knots.points(group.path, group.tied(now), now.nodes, now.axes)
     reactions.point[rows[sticks]] = 0.5 * (apart[:, 0] + apart[:, 1])
     reactions.gap[rows[sticks]] = np.linalg.norm(apart[:, 0] - apart[:, 1], axis=1)

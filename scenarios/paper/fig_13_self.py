@@ -1,16 +1,13 @@
-"""Fig. 13 and the kinds of self-interaction: a cable that is transparent to itself, and one that touches itself."""
+"""Fig. 13 and the kinds of self-interaction: a cable that is transparent to itself, one that touches itself, and one that sticks."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from protocol.cable import Cable, cable_mistakes
-from protocol.kinds import SelfInteraction
-from protocol.messages import Shape
+from protocol.messages import Frame, Shape
 
 from .figure import Figure, Mark, Panel, Phenomenon, Result, Take, curve, mark
 from .recorded import Recorded, place_at
@@ -21,7 +18,7 @@ PLACES = 401  # along a cable
 
 def measure(takes: Mapping[str, Recorded]) -> Result:
     """Crossings and distances of strands, twist, and how far out of the plane."""
-    crossing, wound = takes["crossing"], takes["wound"]
+    crossing, wound, bond = takes["crossing"], takes["wound"], takes["bond"]
     nearest, at = closest(crossing.at("crossed").shapes[0])
     bulge = max(float(np.ptp(frame.shapes[0].nodes[:, 1])) for frame in crossing.during("apart"))
     turns = abs(_turns(crossing.at("apart").shapes[0]))
@@ -56,13 +53,33 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
             f"{kept[0]:.2f} turns before, {kept[1]:.2f} after",
             abs(gap - thick) < 5e-4 and press > 0.1 and kept[1] > 0.8 * kept[0],
         ),
+        _sticking(bond, thick),
     )
     captions = (
         "Wound up, transparent: it has passed through itself and hangs nearly untwisted.",
         "Wound up, touching itself: the strands lie on each other.",
+        "Wound up, sticking to itself: two points hold where they first touched.",
     )
-    curled = tuple(Panel(caption, (curve(after.shapes[k].nodes),), _touches(after.shapes[k])) for k, caption in enumerate(captions))
-    return Result(phenomena, DIFFERS + _of_bond(wound.scene.cables[1]), (_plane(crossing, at), _opening(crossing, turns), *curled))
+    stuck = bond.at("wound up")
+    shapes, marks = (*after.shapes, stuck.shapes[1]), ((), _touches(after.shapes[1]), _stuck(stuck))
+    curled = tuple(Panel(caption, (curve(shape.nodes),), on) for caption, shape, on in zip(captions, shapes, marks, strict=True))
+    return Result(phenomena, DIFFERS, (_plane(crossing, at), _opening(crossing, turns), *curled))
+
+
+def _sticking(bond: Recorded, thick: float) -> Phenomenon:
+    """That two points stay together, and which."""
+    frames = [frame for frame in bond.frames if frame.crossing is not None and len(frame.crossing.s) and not frame.relaxation]
+    first, last = (frames[k].crossing.s[0] if frames else np.full(2, np.nan) for k in (0, -1))  # type: ignore[union-attr]
+    apart = [_apart(frame.shapes[1], frame.crossing.s[0]) for frame in frames if frame.crossing is not None]
+    off = max(abs(distance - thick) for distance in apart) if frames else math.nan
+    force = float(np.linalg.norm(frames[-1].crossing.force[0])) if frames else math.nan  # type: ignore[union-attr]
+    return Phenomenon(
+        "sticking to itself, wound up as far",
+        "F_inf, by the geometry of contact",
+        f"the points {first[0]:.3f} m and {first[1]:.3f} m along it stick where they first touch and are still those when it is wound up; "
+        f"their axes stay a diameter apart within {1e3 * off:.1f} mm, and hold each other with {force:.2f} N",
+        bool((first == last).all()) and off < 5e-4 and bond.is_finished,
+    )
 
 
 def closest(shape: Shape) -> tuple[float, np.ndarray]:
@@ -101,21 +118,28 @@ def _touches(shape: Shape) -> tuple[Mark, ...]:
     return tuple(mark(place_at(shape, s), "contact") for s in pushes.s[pressed, 0])
 
 
-def _of_bond(cable: Cable) -> str:
-    """What becomes of a bond of the cable with itself, in place of contact."""
-    refused = [sentence for _, sentence in cable_mistakes(replace(cable, self_interaction=SelfInteraction.BOND))]
-    return f" Its bond of a cable with itself is refused here: `{refused[0]}`." if refused else ""
+def _apart(shape: Shape, s: np.ndarray) -> float:
+    return float(np.linalg.norm(place_at(shape, s[0]) - place_at(shape, s[1])))
+
+
+def _stuck(frame: Frame) -> tuple[Mark, ...]:
+    return () if frame.crossing is None else tuple(mark(point, "contact", "stuck") for point in frame.crossing.point)
 
 
 DIFFERS = (
     "The paper prints a picture only; all numbers are ours. It has the transparent cable in two dimensions. Here it is in three, and "
-    "the plane loop lasts until it is drawn tight. One-sided contact is ours."
+    "the plane loop lasts until it is drawn tight. One-sided contact is ours. What sticks shares a point and the normal of both surfaces, "
+    "and turns freely about that normal; it never comes off."
 )
 FIGURE = Figure(
     name="Fig. 13",
-    title="A cable that meets itself: transparent, and in contact",
+    title="A cable that meets itself: transparent, in contact, and stuck",
     claim="Self-interaction can be left out, transparent, so that strands pass through each other. This is no real-world case, "
-    "especially in 3-D; in 2-D it could imply twisting. A cable curls and twists until two of its places collide.",
-    takes=(Take("crossing", "paper/fig_13_crossing"), Take("wound", "paper/fig_13_wound")),
+    "especially in 3-D; in 2-D it could imply twisting. A cable curls and twists until two of its places collide. Or they stick, F_inf.",
+    takes=(
+        Take("crossing", "paper/fig_13_crossing"),
+        Take("wound", "paper/fig_13_wound"),
+        Take("bond", "paper/fig_13_wound", ('cables.contact.self_interaction="bond"',)),
+    ),
     measure=measure,
 )
