@@ -138,6 +138,10 @@ class Boundary:
             rubs = np.isin(on, contacts.rubbing.contact)
             normal[rubs] = anchors.surface_normals(contacts, on[rubs], points_at(shape, where[rubs]))
         bulge = float(shape.curvature.max()) * float(np.diff(shape.s).max()) ** 2 / 8
+        if self.is_limp and len(on):  # both tangents at its bend pass a body at the radius, from which the pieces then hang away
+            beside = BENT * self.radius
+            near = (np.abs(shape.s[:, None] - where) < beside + np.diff(shape.s).max()).any(axis=1)
+            bulge = max(bulge, float(shape.curvature[near].max()) * beside**2 / 2)
         pushes = Pushes(contacts.body[on], where, normal, force, points_at(shape, where) - self.radius * normal, is_bond, bulge)
         return replace(self, bonds=bonds, pushes=pushes)
 

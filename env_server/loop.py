@@ -29,7 +29,7 @@ from .hanging import Hanging, accepted, joined, least_share, nowhere, part_way, 
 from .looking import Reach
 from .stage import Posture, Stage
 from .stepped import Meter, Stepped, Try
-from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion, slipped_through
+from .strides import HALVINGS_MOST, free_share, outruns, rigid_motion, slid_over, slipped_through
 
 ROUNDS_MAX: Final = 12
 ROUNDS_JUMP: Final = 60  # when a cable snaps to another posture, its contacts give way one after the other
@@ -165,7 +165,8 @@ class Loop:
                 done.is_settled &= crossed.is_settled(asked, shapes)
             share = self._free_share(anchor, anchor_crossed, done_at, goal, hanging)
             done.may_have_passed = share < 1.0
-            if anchor is not None and share < 1.0 and may_jump:
+            has_slid = done.is_settled and may_jump and share < 1.0 and slid_over(self._stage, goal, anchor or (), hanging)
+            if anchor is not None and share < 1.0 and may_jump and not has_slid:
                 hanging = [self._part_way(*item, share, goal) for item in enumerate(zip(anchor, hanging, grasps, strict=True))]
                 done.is_settled = False
                 crossed = crossed.looked([cable.shape for cable in hanging], self._reach.own) if crossed is not None else None

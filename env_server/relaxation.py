@@ -10,6 +10,8 @@ With an overshoot o the share is that of a damped oscillator after a step, two p
 
     y(tau) = 1 - e^(-a tau) (cos tau + a sin tau),   a = -ln(o) / pi          (Ogata, "Modern control engineering", section 5.3)
 
+Nodes are counted along the cable, and where a cable without bending runs over a body, along each part of it beside that body.
+
 The time T is given, or that of a pendulum in air, linearised. Hanging between two held points the cable swings about the line through
 them; with r the distance of its nodes from that line and g gravity, w^2 = g sum(r) / sum(r^2). Air of density rho pushes with rho c D
 v^2 / 2 per metre against it; for an amplitude A that is as much damping as (4 / 3 pi) rho c D w A per metre (the same energy in a
@@ -126,10 +128,12 @@ def _moment(stage: Stage, before: Stepped, after: Stepped, time: float, passed: 
 def _on_the_way(stage: Stage, index: int, posture: Posture, was: Hanging, now: Hanging, share: float) -> Hanging:
     """A cable between two postures: no equilibrium, so without an error, contacts or a certificate."""
     first, last = was.shape, now.shape
-    middle = np.searchsorted(first.s, 0.5 * (last.s[1:] + last.s[:-1])) - 1
+    places = _places_before(was, now)
+    middle = np.searchsorted(first.s, 0.5 * (places[1:] + places[:-1])) - 1
     shape = msgspec.structs.replace(
         last,
-        nodes=(1.0 - share) * points_at(first, last.s) + share * last.nodes,
+        s=(1.0 - share) * places + share * last.s,
+        nodes=(1.0 - share) * points_at(first, places) + share * last.nodes,
         frames=blended(first.frames[middle], last.frames, share),
         contact_forces=np.zeros((0, 3)),
         contact_moments=np.zeros((0, 3)),
@@ -142,8 +146,27 @@ def _on_the_way(stage: Stage, index: int, posture: Posture, was: Hanging, now: H
         margin=None,
         fold=None,
     )
-    count, radius = stage.body_count, 0.5 * stage.scene.cables[index].diameter
+    count, radius = stage.body_count, was.boundary.radius
     bodies = stage.touch_bodies.search(shape.nodes, posture.surfaces[:count], radius, radius)
     excluded = stage.excluded(stage.scene.cables[index].name, shape.s)
     links = stage.touch_links.search(shape.nodes, posture.surfaces[count:], radius, radius, excluded=excluded)
     return Hanging(shape, replace(now.boundary, pushes=NO_PUSHES), bodies, links)
+
+
+def _places_before(was: Hanging, now: Hanging) -> np.ndarray:
+    """Arc lengths (n,) [m] from which the nodes of the next equilibrium come: their own, or as far between the places that are touched.
+
+    A cable without bending that runs over a body stays on it meanwhile: the node there is on it before and after, and so is the way.
+    """
+    s, first, last = now.shape.s, was.boundary.pushes, now.boundary.pushes
+    if not was.boundary.is_limp:
+        return s
+    bodies = np.intersect1d(first.surface, last.surface)
+    before, after = (np.array([pushes.s[pushes.surface == body].mean() for body in bodies]) for pushes in (first, last))
+    order = np.argsort(after)
+    if (np.diff(before[order]) <= 0.0).any():
+        return s
+    ends = s[[0, -1]]
+    now_at, was_at = (np.hstack([ends[0], where[order], ends[1]]) for where in (after, before))
+    places: np.ndarray = np.interp(s, now_at, was_at)
+    return places

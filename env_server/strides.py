@@ -100,6 +100,27 @@ def slipped_through(was: Sequence[Hanging], now: Sequence[Hanging]) -> bool:
     return False
 
 
+def slid_over(stage: Stage, goal: Posture, was: Sequence[Hanging], now: Sequence[Hanging]) -> bool:
+    """Whether cables without bending went far only because they slid over what they touch, and met nothing else on the way.
+
+    An equilibrium over a body without friction ends in a fold (Fig. 5 of the paper): the cable runs over that body, on the same hand of
+    it, to the next one, however short the step. On the way every part stays within the box about both shapes. Half-spaces are left out of
+    it, for what is outside of one at both ends is so in between.
+    """
+    for before, after in zip(was, now, strict=True):
+        touched = set(before.boundary.pushes.surface.tolist())
+        if not before.boundary.is_limp or before.boundary.bonds or touched != set(after.boundary.pushes.surface.tolist()):
+            return False
+        others = np.isfinite(stage.extents)
+        others[list(touched)] = False
+        nodes, radius = np.vstack([before.shape.nodes, after.shape.nodes]), before.boundary.radius
+        centres, room = goal.surfaces[others, :3], stage.extents[others] + radius
+        away = np.maximum(np.maximum(nodes.min(axis=0) - centres, centres - nodes.max(axis=0)), 0.0)
+        if (np.linalg.norm(away, axis=1) < room).any():
+            return False
+    return True
+
+
 def _motion(before: Shape, after: Shape) -> np.ndarray:
     """How far at most any point of each segment (n-1,) [m] of the cable as it was has gone."""
     if np.array_equal(before.s, after.s):

@@ -21,7 +21,7 @@ REST = 1e-9  # m/s and m/s^2; measured 1e-13
 def measure(takes: Mapping[str, Recorded]) -> Result:
     """Way of every point over the time of the motion, without and with an overshoot, and of an arch that snaps."""
     lost, swinging, arch = takes["lost"], takes["overshoot"], takes["arch"]
-    motion, swing, snap = _motion(lost), _motion(swinging), _motion(arch)
+    motion, swing, snap = lost.motion(), swinging.motion(), arch.motion()
     time, way = _way(motion)
     speed, hurry, miss = _at_both_ends(motion)
     passed, share = _way(swing)
@@ -62,14 +62,6 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
     )
     panels = (_postures(motion), _profile((time, way), (passed, share)), _arch(snap))
     return Result(phenomena, DIFFERS, panels)
-
-
-def _motion(recorded: Recorded) -> list[Frame]:
-    """The frames of the first motion, with the equilibrium before it and the one after."""
-    frames = list(recorded.frames)
-    shown = [index for index, frame in enumerate(frames) if frame.relaxation]
-    end = next(index for index in range(shown[0], len(frames)) if not frames[index].relaxation)
-    return frames[shown[0] - 1 : end + 1]
 
 
 def _snaps(recorded: Recorded) -> int:

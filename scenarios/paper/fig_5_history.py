@@ -12,12 +12,13 @@ from .figure import Curve, Figure, Mark, Panel, Phenomenon, Result, Take, curve,
 from .recorded import Recorded, obstacle, slacks, touched
 
 STRETCHED = 0.05  # slack over length, below which a part counts as stretched; the other one has more than five times that
-ALIKE = 1e-9  # N, of the pull along x on both sides of an obstacle without friction, which bears what differs
+RUN_OVER = 1.0  # m of cable over the obstacle in one step, which is a snap
+SAME = 0.03  # m, place touched; the cables differ in their thickness, 0.1 m and 0.05 m, and so do their places, by 0.01 m
 
 
 def measure(takes: Mapping[str, Recorded]) -> Result:
-    """Postures [b] and [c], and the one after the way to Q and back."""
-    take = takes["history"]
+    """Postures [b] and [c], the one after the way to Q and back, and the snap on the straight way."""
+    straight, take = takes["snap"], takes["history"]
     a, b, c, back = (take.at(name) for name in ("a", "b", "c", "back"))
     moved = float(np.linalg.norm(obstacle(take, b) - obstacle(take, back)))
     phenomena = (
@@ -38,8 +39,31 @@ def measure(takes: Mapping[str, Recorded]) -> Result:
             f"same grippers and obstacle, to {moved:.1g} m; {abs(_place(b) - _place(back)):.2f} m of cable are on the other side of it",
             moved < 1e-9 and abs(_place(b) - _place(back)) > 1.0,
         ),
+        _snapped(straight, c),
     )
-    return Result(phenomena, DIFFERS, tuple(_panels(take)))
+    return Result(phenomena, DIFFERS, (*_panels(take), _snap(straight)))
+
+
+def _snapped(straight: Recorded, c: Frame) -> Phenomenon:
+    """Straight across: one motion, at both ends of which the obstacle is touched; then the posture of [c]."""
+    before, *between, after = straight.motion()
+    end, moved = straight.at("c"), obstacle(straight, before) - obstacle(straight, after)
+    others = [frame for frame in straight.frames if frame.relaxation and frame not in between]
+    return Phenomenon(
+        "P to Q, straight across",
+        "not in the paper; a sudden change is smoothened (section 5.3)",
+        f"[b] ends while the obstacle goes {np.linalg.norm(moved):.2f} m: {_place(before) - _place(after):.2f} m of cable run over it, "
+        f"without leaving it, in {after.time - before.time:.2f} s (a pendulum's, {len(between)} frames), to the posture of [c]",
+        not others and _place(before) - _place(after) > RUN_OVER and abs(_place(end) - _place(c)) < SAME,
+    )
+
+
+def _snap(take: Recorded) -> Panel:
+    motion = take.motion()
+    between = [curve(motion[index].shapes[0].nodes, "before") for index in np.linspace(1, len(motion) - 2, 4).round().astype(int)]
+    ends = [curve(motion[0].shapes[0].nodes, label="[b], at its end"), curve(motion[-1].shapes[0].nodes, "reference", "[c]")]
+    marks = (*_held(motion[0], "DC"), mark(obstacle(take, motion[-1]), "obstacle", "between P and Q"))
+    return Panel("Straight from P to Q: [b] snaps to [c].", (*between, *ends), marks, x_range=(-0.6, 5.6), y_range=(-5.6, 2.6))
 
 
 def _place(frame: Frame) -> float:
@@ -94,8 +118,8 @@ def _way(take: Recorded, *moves: str) -> Curve:
 DIFFERS = (
     "The paper prints no coordinates: A, B, C, D, P and Q are ours, where two postures exist at P and one at Q. A part that is stretched "
     "over an obstacle without friction is not quite straight, for it has weight and the tension is the same on both sides. From P to Q the "
-    "obstacle goes around below, where the cable follows it without a jump; straight across, the cable would snap from one side to the "
-    "other."
+    "obstacle goes around below, where the cable follows it without a jump. Straight across, [b] ends on the way, at a fold, and the cable "
+    "snaps to [c]; the motion shown is artificial, and the obstacle is within the cable meanwhile, less than its radius deep."
 )
 FIGURE = Figure(
     name="Fig. 5",
@@ -103,6 +127,6 @@ FIGURE = Figure(
     claim="As the grippers are lowered from (a), an obstacle at P splits the cable into two parts, posture [b]. With the obstacle at Q, "
     "weight and tension give [c], which has a stretched part. [c] is acceptable for P too: an ambiguity, and the motion history says which "
     "of the two it is.",
-    takes=(Take("history", "paper/fig_5_history"),),
+    takes=(Take("history", "paper/fig_5_history"), Take("snap", "paper/fig_5_snap")),
     measure=measure,
 )

@@ -48,6 +48,19 @@ class Recorded:
         """Frames of equilibria during a move, in order."""
         return (frame for frame in self.frames if frame.move == move and not frame.relaxation)
 
+    def motion(self) -> list[Frame]:
+        """The frames of the first artificial motion, with the equilibrium before it and the one after.
+
+        Raises:
+            CablecosimError: If nothing has snapped.
+        """
+        frames = list(self.frames)
+        first = next((index for index, frame in enumerate(frames) if frame.relaxation), 0)
+        last = next((index for index in range(first, len(frames)) if not frames[index].relaxation), 0)
+        if not first or not last:
+            raise CablecosimError(f"take '{self.name}' shows no motion from one equilibrium to the next", key=self.name)
+        return frames[first - 1 : last + 1]
+
     @property
     def converged(self) -> int:
         """How many frames have nothing but converged shapes."""

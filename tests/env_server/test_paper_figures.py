@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -77,6 +78,40 @@ def test_fig_5_without_friction_the_shape_is_a_matter_of_history() -> None:
         total = cable.shape.grasp_wrenches[:, :3].sum(axis=0) + cable.boundary.pushes.force.sum(axis=0)
         assert np.abs(total - [0.0, 0.0, WEIGHT]).max() < 1e-9 * WEIGHT
     assert len(found) == 4
+
+
+@pytest.mark.slow
+def test_fig_5_straight_across_the_cable_runs_over_the_obstacle_where_its_posture_ends() -> None:
+    """The posture with the right part nearly straight ends in a fold on the way; until there it is followed."""
+    start, way = np.array([2.8, -4.2]), np.array([-0.9, 0.2])
+    path = scene((2.8, -7.0), Friction.NONE, go("to P", 0.1, o=(0.0, 2.8)), go("across", 0.2, o=tuple(way)))
+    assert _of_right_part(start + 0.85 * way) is not None
+    assert _of_right_part(start + 0.87 * way) is None  # the fold is in between
+    places = []
+    for _, step in steps(replace(path, time_step=0.02, tolerance=2e-3)):
+        cable = step.cables[0]
+        assert cable.shape.outcome is Outcome.CONVERGED, cable.shape.sentence
+        place = (step.posture.surfaces[0, [0, 2]] - [0.0, 1.0]) / UNIT
+        if step.posture.time < 0.1 + 1e-9:
+            continue
+        places.append((float((place - start) @ way / (way @ way)), float(cable.boundary.pushes.s.mean()) / UNIT))
+    assert all(s > 6.4 if share < 0.85 else s < 5.0 for share, s in places if not 0.85 <= share < 0.87)
+    assert max(before[1] - after[1] for before, after in pairwise(places)) > 1.5  # in one step
+    left = start + way
+    exact = brentq(lambda s: _difference(left, s), float(np.linalg.norm(left)) + 1e-3, 5.0)
+    assert places[-1][1] == pytest.approx(exact, abs=2e-3)  # measured less than 2e-3 of a unit: the cable of the reference has no thickness
+
+
+def _of_right_part(place: np.ndarray) -> float | None:
+    """Where [units] the obstacle touches when the right part is nearly straight; None if there is no such posture."""
+    grid = np.linspace(6.3, 12.0 - float(np.linalg.norm(place - [5.0, 0.0])) - 1e-3, 200)
+    found = [(a, b) for a, b in pairwise(grid.tolist()) if _difference(place, a) < 0.0 <= _difference(place, b)]
+    return found[-1][1] if found else None
+
+
+def _difference(place: np.ndarray, s: float) -> float:
+    """Tension after less tension before the obstacle [units of weight], of two catenaries that meet there."""
+    return tension_at_ends(place, np.array([5.0, 0.0]), 12.0 - s, 1.0)[0] - tension_at_ends(np.zeros(2), place, s, 1.0)[1]
 
 
 def test_fig_6_a_bond_holds_until_one_part_and_then_both_are_straight() -> None:

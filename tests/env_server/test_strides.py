@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,14 @@ import pytest
 from in_process import Direct, steps
 from trimesh import creation
 
+from env_server.hanging import Hanging
 from env_server.poses import outside
-from protocol.kinds import Friction
+from env_server.stage import Stage
+from env_server.strides import slid_over
+from protocol.kinds import Friction, Hold, Primitive
+from protocol.messages import Contacts, Problem
 from protocol.scene import Body, Cable, Gripper, Move, Robot, Scene, Target
+from shape_server import solve
 
 CABLE = Cable(name="c", length=0.8, diameter=0.006, mass_per_length=0.05, bending=2e-3, twist=2e-3)
 GRIPPERS = (
@@ -124,3 +130,46 @@ def test_a_hand_that_sweeps_through_a_cable_takes_it_along() -> None:
     pushes = step.cables[0].boundary.pushes
     assert {names[surface] for surface in pushes.surface} == {"left_link7"}
     assert middle(step.cables[0].shape.nodes)[1] < 0.07
+
+
+@pytest.mark.parametrize(("aside", "is_alone"), [(1.0, True), (0.04, False)])
+def test_a_cable_without_bending_may_run_over_a_body_only_where_no_other_is_in_the_way(aside: float, is_alone: bool) -> None:
+    """A bead of 50 mm beside the peg, 1 m and 40 mm away from it; and never where the cable is off the body in the end."""
+    limp = Cable(name="c", length=0.8, diameter=0.006, mass_per_length=0.05)
+    bodies = (
+        Body(name="peg", shape=Primitive.POINT, position=(0.0, 0.0, 0.9)),
+        Body(name="bead", shape=Primitive.SPHERE, radius=0.05, position=(aside, 0.0, 0.9)),
+        Body(name="floor", shape=Primitive.PLANE, position=(0.0, 0.0, 0.0)),
+    )
+    held = tuple(replace(gripper, hold=Hold.HINGE) for gripper in GRIPPERS)
+    with closing(Stage(Scene(title="t", cables=(limp,), grippers=held, bodies=bodies), lambda _: None)) as stage:
+        posture = stage.at_step(0)
+        first, last, free = (_over_peg(stage, s) for s in (0.36, 0.44, None))
+        assert slid_over(stage, posture, [first], [last]) is is_alone
+        assert not slid_over(stage, posture, [first], [free])
+
+
+def _over_peg(stage: Stage, s: float | None) -> Hanging:
+    """A cable that hangs over the peg at an arc length [m], or beside it."""
+    posture = stage.at_step(0)
+    over = (
+        None
+        if s is None
+        else Contacts(
+            s=np.array([s]),
+            body=np.array([0]),
+            feature=np.array([2]),
+            point=np.array([[0.0, 0.0, 0.9]]),
+            normal=np.array([[0.0, 0.0, 1.0]]),
+            direction=np.zeros((1, 3)),
+            extent=np.zeros((1, 2)),
+            distance=np.array([0.003]),
+            friction=np.array([1]),
+            force=np.zeros((1, 3)),
+        )
+    )
+    cable = stage.scene.cables[0]
+    shape = solve(Problem(cable=cable, grasps=stage.grasps("c", posture), contacts=over), (0.0, 0.0, -9.81), tolerance=1e-3)
+    boundary = stage.untouched(0).after(over, shape, posture.surfaces)
+    nothing = stage.touch_bodies.search(shape.nodes + 9.0, posture.surfaces[:3], 0.003, 0.01)
+    return Hanging(shape, boundary, nothing, nothing)
