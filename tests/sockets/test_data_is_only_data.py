@@ -23,6 +23,7 @@ from viz_client.redraw import redraw
 sys.path.append(str(ROOT / "tests" / "viz_client"))
 import synthetic
 
+DRAWN = msgspec.structs.replace(synthetic.BILL, solve=1e-3, total=1e-3)
 FORBIDDEN = {"pickle", "cPickle", "shelve", "marshal", "dill", "joblib", "yaml", "code", "codeop"}
 CALLS = {"eval", "exec", "compile", "os.system", "os.popen", "zmq.Socket.recv_pyobj"}
 
@@ -99,7 +100,7 @@ def test_names_in_a_recording_lead_nowhere_out_of_its_folder(tmp_path: Path) -> 
         writer.write(encode(msgspec.structs.replace(synthetic.SNAPSHOT, scene=scene, solids=solids)))
         frames = [synthetic.frame(number) for number in range(len(evil))]
         for frame, name in zip(frames, evil, strict=True):
-            writer.write(encode(msgspec.structs.replace(frame, picture=name)))
+            writer.write(encode(msgspec.structs.replace(frame, picture=name, bill=DRAWN)))
     redraw(run)
     assert sorted(path.name for path in run.iterdir()) == ["pictures", recording.FILE_NAME, "replay.html", "report.html"]
     assert [path.name[:3] for path in sorted((run / "pictures").iterdir())] == [f"{number:02d}_" for number in range(1, 1 + len(evil))]

@@ -15,7 +15,7 @@ from env_server.hard_cases.playing import Played, playing
 from protocol.kinds import Friction, Hold
 from protocol.scene import Scene, Target
 
-GROWTH = 20_000  # kB
+GROWTH = 20_000  # kB; measured 20 from step 10 000 to 95 000
 
 
 class Forgetful(Direct):
@@ -56,19 +56,19 @@ def test_a_cable_at_rest_on_a_floor_does_not_drift(kind: Friction, steps: int) -
         first = played.to(2)
         assert lasting(played, steps - 2) < GROWTH
         off = np.abs(played.shape.nodes - first.nodes)
-        assert off[:, :2].max() < 1e-12  # m; measured 1e-15
-        assert off[:, 2].max() < 1e-7  # m; measured 2e-8 after 300 steps and 1.4e-8 after 3000: the give of the contacts
+        assert off[:, :2].max() < 1e-12  # m; measured 1e-15; 6e-17 after 95 000 steps, and with friction after 60 000
+        assert off[:, 2].max() < 1e-7  # m; measured 5e-14 after 95 000 steps, with friction 1.1e-9 after 60 000: the give of the contacts
         assert played.deepest < 5e-6
 
 
 @pytest.mark.parametrize("steps", [400, pytest.param(1_000_000, marks=[pytest.mark.slow, pytest.mark.timeout(7200)])])
 def test_a_gripper_that_goes_back_and_forth_for_a_million_steps_comes_back_to_the_same_shape(steps: int) -> None:
-    """Thirty steps out by 5 cm and thirty back."""
+    """Thirty steps out by 5 cm and thirty back. A step takes 3.1 ms of processor time, and as long after 30 000 others."""
     ways = [
         move(Target("right", by=(sign * 0.05, 0.0, 0.0)), name=f"{k} {sign}", seconds=0.6) for k in range(steps // 60) for sign in (-1, 1)
     ]
     with playing(hanging((), *ways), Forgetful()) as played:
         first = played.to(60)
         assert lasting(played, (steps // 60 - 1) * 60) < GROWTH
-        assert np.abs(played.shape.nodes - first.nodes).max() < 1e-8  # m; measured 3e-16
+        assert np.abs(played.shape.nodes - first.nodes).max() < 1e-8  # m; measured 3e-16, also after 30 000 steps
         assert played.shape.total_twist == pytest.approx(first.total_twist, abs=1e-8)
