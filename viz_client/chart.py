@@ -12,8 +12,8 @@ from .history import History, Panel
 SIZE: Final = (7.6, 4.6)  # inches
 WIDE: Final = (6.4, 3.2)  # inches
 DECADE: Final = 10.0  # from the smallest to the largest, before an axis that may be is logarithmic
-COLOURS: Final = ("#0b6e4f", "#d1495b", "#00798c", "#edae49", "#5f4bb6", "#7a7a7a", "#9c6644", "#2f4858")
-MARKS: Final = ("o", "s", "^", "D", "v", "P", "X", "*")
+COLOURS: Final = ("#0b6e4f", "#d1495b", "#00798c", "#edae49", "#5f4bb6", "#7a7a7a", "#9c6644", "#2f4858", "#c77dff", "#e85d04")
+MARKS: Final = ("o", "s", "^", "D", "v", "P", "X", "*", ">", "<")
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,14 @@ def error_against_time(series: Sequence[Series], frontier: tuple[Sequence[float]
     figure, axes = canvas(SIZE)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.step(*frontier, where="post", color="#bbbbbb", linewidth=4, zorder=1, label="frontier")
+    axes.step(*frontier, where="post", color="#bbbbbb", linewidth=4, marker="o", markersize=11, zorder=1, label="frontier")
     for number, one in enumerate(series):
         look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKS[number % len(MARKS)], "markersize": 6}
         axes.plot(one.x, one.y, linestyle="-" if len(one.x) > 4 else "none", linewidth=1, label=one.name, zorder=2, **look)
         for x, y, word in zip(one.x, one.y, one.words, strict=False):
             axes.annotate(word, (x, y), textcoords="offset points", xytext=(5, 4), fontsize=7, color=look["color"])
     axes.set_xlabel(f"CPU time of {measured} [ms]")
-    axes.set_ylabel("true error of the nodes over the length [-]")
+    axes.set_ylabel("error of the nodes over the length [-]")
     axes.grid(which="both", linewidth=0.3, color="#dddddd")
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
     return svg_text(figure)

@@ -45,10 +45,14 @@ def sentence(studied: Studied) -> str:
     coarse, fine = max(automatic, key=lambda row: row.error), min(automatic, key=lambda row: row.error)
     price = price_of_ten(automatic)
     if price is None:
-        text = f"At {coarse.error:.0e} of the length in {1e3 * fine.seconds:.2g} ms there is no accuracy left to buy."
+        fast, slow = (_time(pick(row.seconds for row in automatic)) for pick in (min, max))
+        text = (
+            f"Every tolerance gives {fine.error:.0e} to {coarse.error:.0e} of the length, in {fast} to {slow}: "
+            "there is not ten times the accuracy to buy."
+        )
     else:
         text = (
-            f"From {coarse.error:.0e} to {fine.error:.0e} of the length takes {1e3 * coarse.seconds:.2g} to {1e3 * fine.seconds:.2g} ms: "
+            f"From {coarse.error:.0e} to {fine.error:.0e} of the length takes {_time(coarse.seconds)} to {_time(fine.seconds)}: "
             f"ten times the accuracy costs {price:.2f} times the time."
         )
     held = sum(row.error <= max(row.estimate, ROUNDING) for row in automatic)
@@ -63,6 +67,10 @@ def sentence(studied: Studied) -> str:
     if worst is not None:
         text += f" What matters most here: {worst.setting} the shape is {worst.error:.1%} of the length off."
     return text
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds >= 1.0 else f"{1e3 * seconds:.2g} ms"
 
 
 def _against(name: str, peer: Sequence[Row], own: Sequence[Row]) -> str:

@@ -87,7 +87,7 @@ def _by_tolerance(motions: Motions, known: dict[int, Solved]) -> Iterator[Row]:
 
 
 def _led(group: str, setting: str, motions: Motions, known: dict[int, Solved], tolerance: float, stride: int) -> Iterator[Row]:
-    warm = Warm(motions, tolerance * motions.rod.length)
+    warm = Warm(motions, known[0], tolerance * motions.rod.length)
     numbers = list(range(stride, MOTIONS + 1, stride))
     row = timing.follow("", setting, warm, motions, known, numbers=numbers)
     estimate, factorisations = warm.estimate / motions.rod.length, warm.factorisations // max(warm.moved // len(numbers), 1)
@@ -110,9 +110,12 @@ def _row(group: str, setting: str, row: timing.Row, nodes: int, count: int) -> l
 
 
 class Warm:
-    """`solve` from the last shape, on the nodes that a first shape of this tolerance has; as a `timing.Follower`."""
+    """`solve` from the last shape, on the nodes that a first shape of this tolerance has; as a `timing.Follower`.
 
-    def __init__(self, motions: Motions, tolerance: float) -> None:
+    The branch is that of the reference: a clamp that is turned by half a turn the other way is in the same pose.
+    """
+
+    def __init__(self, motions: Motions, first: Solved, tolerance: float) -> None:
         rod = motions.rod
         self._cable = Cable(
             name="rod", length=rod.length, diameter=5e-3, mass_per_length=rod.weight / G, bending=rod.bending, twist=rod.twist
@@ -120,7 +123,9 @@ class Warm:
         self._tolerance = tolerance  # m
         self.estimate = 0.0  # m, the largest
         self.factorisations = self.moved = 0
-        self._last = self._solve(motions.position[0], motions.quaternion[0], None)
+        s = self._solve(motions.position[0], motions.quaternion[0], None).s
+        start = Start(s=s, frames=first.frames(0.5 * (s[1:] + s[:-1])), grasp_forces=first.forces())
+        self._last = self._solve(motions.position[0], motions.quaternion[0], start)
 
     @property
     def s(self) -> np.ndarray:

@@ -18,12 +18,19 @@ def study_table(studies: Sequence[Studied]) -> str:
     for one in studies:
         automatic = [row for row in one.rows if row.group == AUTOMATIC]
         cells = [one.name]
-        for wanted in ("0.001 L", "1e-05 L", "1e-07 L"):
-            row = next((row for row in automatic if row.setting == wanted), None)
-            cells += [wanted, f"{row.error:.0e}", f"{1e3 * row.seconds:.2f}"] if row else [wanted, "-", "-"]
+        for row in _three(automatic):
+            cells += ["-"] * 3 if row is None else [row.setting, f"{row.error:.0e}", f"{1e3 * row.seconds:.2f}"]
         price = price_of_ten(automatic)
         rows.append((*cells, f"{price:.2f}" if price else "-"))  # type: ignore[arg-type]
-    return _aligned(rows) + "\nerrors over the length, true; CPU time of a cold answer"
+    return _aligned(rows) + "\nerrors over the length, true; CPU time of a cold answer, of a whole loop of motions, or of a whole run"
+
+
+def _three(rows: Sequence[Row]) -> list[Row | None]:
+    """Those for three tolerances over the length; of others the coarsest, the middle one and the finest."""
+    asked = [next((row for row in rows if row.setting == wanted), None) for wanted in ("0.001 L", "1e-05 L", "1e-07 L")]
+    if any(asked) or not rows:
+        return asked
+    return [rows[0], rows[len(rows) // 2], rows[-1]]
 
 
 def study_json(studies: Sequence[Studied]) -> dict[str, Any]:

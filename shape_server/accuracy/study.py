@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from types import ModuleType
 from typing import Final, TypeVar
 
 import msgspec
@@ -27,11 +28,10 @@ from ..refine import cold
 from ..solve import solve
 from ..task import Task
 from . import boundary_value
-from .draws import polyline_error, true_error
-from .peers import peer_moorpy
-from .peers.installed import is_installed
-from .peers.installed import missing as not_here
-from .peers.motions import Hanging
+from .draws import Points, polyline_error, true_error
+from .peers import at_rest, installed, peer_moorpy
+from .peers.motions import Hanging, Motions
+from .peers.references import at_start
 from .problems import Static
 
 REPEATS, LONG = 7, 0.25  # repeats at most, and s of CPU after which there is none more
@@ -97,19 +97,43 @@ def study(static: Static, told: Callable[[str], None] = lambda sentence: None) -
         away, cost = true_error(shape, exact), shape.cost.factorisations
         estimate = math.inf if shape.error is None else shape.error / length
         rows.append(Row(group, setting, away / length, estimate, seconds, len(shape.s), cost, shape.model))
-    peers, missing = list[str](), list[str]()
+    others, peers, missing = _others(static, exact, told)
+    rows += others
+    return Studied(static.name, static.title, tuple(rows), tuple(refused), tuple(peers), tuple(missing))
+
+
+def _others(static: Static, exact: Points, told: Callable[[str], None]) -> tuple[list[Row], list[str], list[str]]:
+    """Rows of other programs, which of them these are, and a sentence for each that is not here or is not set up for the problem."""
+    rows, peers, missing = list[Row](), list[str](), list[str]()
     if boundary_value.is_covered(static.problem):
         told(f"{static.name}: {PEER}")
         rows += _peer(static, exact)
         peers.append(PEER)
+        motions = at_rest.as_motions(static.problem, _weight(static))
+        others = installed.FOLLOWING[1:]  # the first is SciPy
+        if motions is None:
+            missing.append(f"{', '.join(peer.NAME for peer in others)}: not set up for these ends, or for this rod.")
+        for peer in others if motions is not None else ():
+            if not installed.is_installed(peer):
+                missing.append(installed.missing(peer))
+            else:
+                told(f"{static.name}: {peer.NAME}")
+                assert motions is not None
+                rows += _at_rest(peer, static, motions, exact)
+                peers.append(peer.NAME)
     if _hangs_level(static.problem):
-        if is_installed(peer_moorpy):
+        if installed.is_installed(peer_moorpy):
             told(f"{static.name}: {peer_moorpy.NAME}")
             rows += _moorpy(static, exact)
             peers.append(peer_moorpy.NAME)
         else:
-            missing.append(not_here(peer_moorpy))
-    return Studied(static.name, static.title, tuple(rows), tuple(refused), tuple(peers), tuple(missing))
+            missing.append(installed.missing(peer_moorpy))
+    return rows, peers, missing
+
+
+def _weight(static: Static) -> float:
+    """Of the cable [N/m]."""
+    return static.problem.cable.mass_per_length * float(np.linalg.norm(static.gravity))
 
 
 def _settings(static: Static) -> Iterator[tuple[str, str, Callable[[], Shape]]]:
@@ -132,7 +156,7 @@ def _settings(static: Static) -> Iterator[tuple[str, str, Callable[[], Shape]]]:
             yield "effect left out", f"without {name}", by(_without(problem, name), 1e-4)
 
 
-def _peer(static: Static, exact: Callable[[np.ndarray], np.ndarray]) -> Iterator[Row]:
+def _peer(static: Static, exact: Points) -> Iterator[Row]:
     """SciPy's collocation by tolerance; it gets our coarse shape to start from, whose time is not counted."""
     length, s = static.problem.cable.length, np.linspace(0.0, static.problem.cable.length, 101)
     near = solve(static.problem, static.gravity, tolerance=1e-3 * length, path=kernels)
@@ -146,16 +170,24 @@ def _peer(static: Static, exact: Callable[[np.ndarray], np.ndarray]) -> Iterator
             yield Row(PEER, f"{tolerance:g}", away, math.inf, seconds, len(found.found.x), 0, PEER)
 
 
+def _at_rest(peer: ModuleType, static: Static, motions: Motions, exact: Points) -> Iterator[Row]:
+    """A peer that marches in time, or solves statics afresh."""
+    near = at_rest.Near(solve(static.problem, static.gravity, tolerance=1e-3 * static.problem.cable.length, path=kernels))
+    known = [exact] if motions.is_planar else [exact, at_start(motions).positions]
+    for one, nodes in at_rest.rested(peer, motions, near, known):
+        yield Row(peer.NAME, one.setting, one.error, math.inf, 1e-3 * one.milliseconds, nodes, 0, peer.NAME)
+
+
 def _hangs_level(problem: Problem) -> bool:
     """Whether this is a cable without bending between two points at one height along x, the first of which is the origin."""
     at, cable = problem.grasps.position, problem.cable
     return cable.bending is None and problem.contacts is None and len(at) == 2 and not at[0].any() and not at[1][1:].any()
 
 
-def _moorpy(static: Static, exact: Callable[[np.ndarray], np.ndarray]) -> Iterator[Row]:
+def _moorpy(static: Static, exact: Points) -> Iterator[Row]:
     """MoorPy's catenary by its number of nodes, judged as ours by the polyline; its nodes are 9e-8 of the length off."""
     length, span = static.problem.cable.length, float(static.problem.grasps.position[1, 0])
-    weight = static.problem.cable.mass_per_length * float(np.linalg.norm(static.gravity))
+    weight = _weight(static)
     for nodes in MOORPY_NODES:
         asked = Hanging(length, span, weight, nodes)
         found, seconds = _timed(partial(peer_moorpy.hang, asked, span))

@@ -13,17 +13,30 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "viz_client"))
 
 from synthetic import frame
 
-from scenarios.scene_study import apart
+import scenarios
+from scenarios.scene_study import EFFECT, _settings, apart, usual
 
 
 def test_runs_are_compared_where_both_have_a_time_and_at_equal_arc_lengths() -> None:
     exact = {0.1 * number: frame(number) for number in range(5)}
     moved = msgspec.structs.replace(exact[0.2].shapes[0], nodes=exact[0.2].shapes[0].nodes + np.array([0.0, 0.0, 3e-3]))
     run = {0.0: exact[0.0], 0.2: msgspec.structs.replace(exact[0.2], shapes=(moved,))}
-    assert apart(run, exact) == pytest.approx(3e-3)
-    assert apart(exact, exact) == 0.0
+    assert apart(run, exact) == pytest.approx([0.0, 3e-3])
+    assert apart(exact, exact) == [0.0] * 5
 
 
 def test_a_time_that_only_one_run_has_is_left_out() -> None:
     exact = {0.1 * number: frame(number) for number in range(3)}
-    assert apart({0.05: frame(40)}, exact) == 0.0
+    assert apart({0.05: frame(40)}, exact) == []
+
+
+def test_the_usual_error_leaves_out_one_time_of_twenty() -> None:
+    assert usual([*([1.0] * 19), 7.0]) == 7.0
+    assert usual([*([1.0] * 39), 7.0]) == 1.0
+
+
+def test_an_effect_is_left_out_where_a_cable_has_the_number_that_asks_for_it() -> None:
+    scene = scenarios.load("harness_assembly", ("cable.stretch=1e4",))
+    settings = {setting: changed for group, setting, changed in _settings(scene) if group == EFFECT}
+    assert list(settings) == ["without stretch"]
+    assert settings["without stretch"].cables[0].stretch is None

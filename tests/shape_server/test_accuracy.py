@@ -6,10 +6,12 @@ import json
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Model
 from shape_server import kernels, solve
@@ -18,11 +20,13 @@ from shape_server.accuracy.audit import Audited, audited, summaries
 from shape_server.accuracy.draws import GRAVITY, draw
 from shape_server.accuracy.frontier import frontier, price_of_ten, sentence
 from shape_server.accuracy.hanging import hanging
+from shape_server.accuracy.peers import at_rest, installed, peer_scipy
 from shape_server.accuracy.problems import Static, standard
 from shape_server.accuracy.report import audit_table, study_json, study_table
 from shape_server.accuracy.study import AUTOMATIC, PEER, Row, Studied
 from viz_client.accuracy_page import write
 
+ABSENT = SimpleNamespace(NAME="Nobody's rods", DISTRIBUTION="no-such-distribution", VERSION=(1, 0), INSTALL="There is none.")
 PROBLEMS = {one.name: one for one in standard()}
 
 
@@ -32,7 +36,9 @@ def _row(group: str, error: float, seconds: float) -> Row:
 
 @pytest.fixture(scope="module")
 def twisted() -> Studied:
-    return study(PROBLEMS["twisted"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(installed, "FOLLOWING", (peer_scipy, ABSENT))
+        return study(PROBLEMS["twisted"])
 
 
 @pytest.mark.parametrize("name", ["slack", "twisted", "stretching"])
@@ -97,6 +103,56 @@ def test_a_model_that_leaves_bending_out_says_by_how_much(twisted: Studied) -> N
     assert catenary.error <= catenary.estimate
 
 
+@pytest.mark.parametrize(("name", "is_planar"), [("slack", True), ("stiff", True), ("soft", True), ("twisted", False)])
+def test_peers_are_asked_for_rods_that_they_are_set_up_for(name: str, is_planar: bool) -> None:
+    found = at_rest.as_motions(PROBLEMS[name].problem, 1.0)
+    assert found is not None
+    assert found.is_planar is is_planar
+
+
+@pytest.mark.parametrize("name", ["nearly taut", "hinged", "flat and bent", "stretching", "no bending", "on a floor"])
+def test_peers_are_not_asked_for_other_rods(name: str) -> None:
+    assert at_rest.as_motions(PROBLEMS[name].problem, 1.0) is None
+
+
+class Sinking:
+    """A peer that comes closer by half in every move, from one metre above; or does not come to rest."""
+
+    NAME, REMEMBERS, FROM_STRAIGHT = "sinking", True, False
+    s = np.array([0.0, 1.0])
+
+    def __init__(self, share: float) -> None:
+        self._share, self._height = share, 1.0
+
+    @classmethod
+    def sweep(cls, _motions: object) -> tuple[float, ...]:
+        return (0.5, 0.1, math.nan, math.nan, math.nan, 0.5)
+
+    @classmethod
+    def prepare(cls, _motions: object, _near: object, share: float) -> Sinking:
+        return cls(share)
+
+    def move(self, _position: np.ndarray, _quaternion: np.ndarray) -> np.ndarray:
+        self._height *= self._share
+        return np.array([[0.0, 0.0, self._height], [1.0, 0.0, 0.0]])
+
+
+def test_a_peer_is_relaxed_until_it_rests_and_given_up_when_it_is_lost() -> None:
+    motions = at_rest.as_motions(PROBLEMS["slack"].problem, 1.0)
+    assert motions is not None
+    found = list(at_rest.rested(Sinking, motions, None, [lambda s: np.column_stack([s, 0 * s, 0 * s])]))  # type: ignore[arg-type]
+    assert [row.setting for row, _ in found] == ["0.5", "0.1"]
+    assert all(row.error <= at_rest.RESTED for row, _ in found)
+
+
+def test_a_peer_starts_from_our_shape() -> None:
+    static = PROBLEMS["slack"]
+    shape = solve(static.problem, GRAVITY, tolerance=1e-6, path=kernels)
+    near, s = at_rest.Near(shape), np.linspace(0.0, 1.0, 30)
+    tangent = np.gradient(near.positions(s), s, axis=0)
+    assert np.abs(Rotation.from_quat(near.frames(s)).apply([0.0, 0.0, 1.0]) - tangent)[1:-1].max() < 0.05  # measured 0.02, by differences
+
+
 def test_the_frontier_keeps_what_nothing_beats() -> None:
     rows = [_row("a", 1e-2, 1.0), _row("b", 1e-3, 2.0), _row("c", 1e-3, 3.0), _row("d", 2e-3, 1.5), _row("e", 1e-1, 1.0)]
     assert [row.group for row in frontier(rows)] == ["a", "d", "b"]
@@ -111,6 +167,7 @@ def test_the_price_of_ten_is_the_slope() -> None:
 
 def test_the_sentence_names_price_and_peer(twisted: Studied) -> None:
     text = sentence(twisted)
+    assert "Nobody's rods is not installed and left out. There is none." in text
     assert "ten times the accuracy costs" in text
     assert "SciPy solve_bvp" in text
     assert "without bending" in text

@@ -30,6 +30,7 @@ NAME = "CableDyn statics"
 DISTRIBUTION, VERSION = "cabledyn", (0, 3)
 INSTALL = "Install it with pip install 'cabledyn>=0.3'."
 REMEMBERS = False
+FROM_STRAIGHT = False
 
 GRAVITY = 9.80665  # m/s^2
 DEPTH = 50.0  # m, of the cable below the surface of the water

@@ -27,6 +27,7 @@ NAME = "MuJoCo 4 flex rod"
 DISTRIBUTION, VERSION = "mujoco", (4, 0)
 INSTALL = "Install it with pip install 'mujoco>=4.0'."
 REMEMBERS = True
+FROM_STRAIGHT = True  # is led to where it starts
 
 RADIUS = 3e-3  # m
 SCALAR_FIRST = [3, 0, 1, 2]
@@ -87,7 +88,6 @@ def prepare(motions: Motions, _first: Solved, setting: Setting) -> Relaxation:
         relaxation.hold(position, quaternion)
         mujoco.mj_step(model, relaxation.data, round(ARRIVE / setting.step / len(poses)) + 1)
     mujoco.mj_step(model, relaxation.data, round(REST / setting.step))
-    mujoco.set_mju_user_warning(None)
     return relaxation
 
 

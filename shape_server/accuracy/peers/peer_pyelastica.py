@@ -25,6 +25,7 @@ NAME = "PyElastica"
 DISTRIBUTION, VERSION = "pyelastica", (1, 0)
 INSTALL = "Install it with pip install 'pyelastica>=1.0'."
 REMEMBERS = True
+FROM_STRAIGHT = False
 
 COURANT = 0.8  # step over the time that an axial wave needs for one element
 MOTION = 0.4  # s, of one motion of a single hard problem

@@ -19,6 +19,7 @@ NAME = "SciPy solve_bvp"
 DISTRIBUTION, VERSION = "scipy", (1, 15)
 INSTALL = "SciPy comes with cablecosim."
 REMEMBERS = True
+FROM_STRAIGHT = False
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,11 @@ def references(motions: Motions) -> dict[int, Solved]:
     return found
 
 
+def at_start(motions: Motions) -> Solved:
+    """The reference where the motions start."""
+    return _after(motions, 0, _start(motions), FINE)
+
+
 def catenary(hanging: Hanging) -> np.ndarray:
     """(nodes, 3) [m] The cable that hangs as z = a cosh(x / a), with sinh(b) / b = length / span and a = span / 2 b."""
     b = brentq(lambda b: np.sinh(b) / b - hanging.length / hanging.span, 1e-3, 20.0, xtol=1e-15)
