@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -18,6 +19,8 @@ from .remesh import blended
 from .self_boundary import Meeting
 from .touch import Candidates
 
+DEEP: Final = 0.5  # radii; only on the way to a shape beyond a strand are two strands as deep in each other
+THROUGH: Final = "it snaps, and the shape that is found for it lies beyond another strand of its own, which it could only pass through"
 Near = tuple[Candidates, Candidates, Meeting | None]  # bodies, links, and itself
 
 
@@ -74,13 +77,21 @@ def accepted(cables: tuple[Hanging, ...], contacts: Sequence[Contacts | None], p
 
 
 def unsettled(cables: tuple[Hanging, ...], sentence: str) -> tuple[Hanging, ...]:
-    """The cables of a step whose contacts never settled: no shape to go on from."""
+    """The cables of a step whose contacts never settled: no shape to go on from. Of strands deep in each other that is why."""
     return tuple(
-        replace(cable, shape=msgspec.structs.replace(cable.shape, outcome=Outcome.NOT_CONVERGED, sentence=sentence))
+        replace(cable, shape=_without(cable.shape, THROUGH if _is_in_itself(cable) else sentence))
         if cable.shape.outcome is Outcome.CONVERGED
         else cable
         for cable in cables
     )
+
+
+def _without(shape: Shape, sentence: str) -> Shape:
+    return msgspec.structs.replace(shape, outcome=Outcome.NOT_CONVERGED, sentence=sentence)
+
+
+def _is_in_itself(cable: Hanging) -> bool:
+    return cable.own is not None and cable.own.candidates.penetration > DEEP * cable.own.radius
 
 
 def nowhere(shape: Shape, boundary: Boundary) -> Hanging:

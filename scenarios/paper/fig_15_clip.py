@@ -61,8 +61,10 @@ CAPTIONS = (
 DIFFERS = (
     "The paper shows a photograph and gives two numbers, a cable of 3.3 mm that can be pressed to 2 mm by hand, and a loop about 5.7 mm"
     " across; which of its edges it measured is not said. Here the loop's axis is 5.7 mm across, by a least radius of 2.85 mm that is "
-    "given, not found; what is found is that the loop gets there and no further. Three loops side by side stand for drawing it through;"
-    " its stiffness is ours."
+    "given, not found; what is found is that the loop gets there and no further. Three loops side by side stand for drawing it through:"
+    " between two rods as jaws contacts give way by more than a millionth of the cable's length, which is taken for not held, and no"
+    " shape is found."
+    " Its stiffness is ours."
 )
 FIGURE = Figure(
     name="Fig. 15",

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from contextlib import closing
+from dataclasses import replace
 from functools import cache
 from typing import cast
 
 import numpy as np
 import pytest
+from in_process import steps
 
 from env_server.asking import Asker
 from env_server.loop import Loop
@@ -106,6 +108,14 @@ def test_strands_never_pass_through_each_other() -> None:
     assert links[-1] - links[0] == pytest.approx(1.75, abs=0.5)
     depth = max(step.cables[0].own.candidates.penetration for step in steps if step.cables[0].own is not None)
     assert depth < 5e-4  # m, of the polygon; the smooth axis is 1e-7 m deep at most
+
+
+def test_a_snap_whose_shape_lies_beyond_a_strand_is_refused_with_that_sentence() -> None:
+    """The same cable in other steps: the way to the snap is another one, and the shape server finds none on this side."""
+    *_, (_, last) = steps(replace(wound(SelfInteraction.CONTACT), time_step=0.25))
+    shape = last.cables[0].shape
+    assert shape.outcome is Outcome.NOT_CONVERGED
+    assert "beyond another strand of its own" in shape.sentence
 
 
 def test_a_transparent_cable_is_not_looked_at_and_asks_about_nothing() -> None:
