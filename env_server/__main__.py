@@ -29,9 +29,10 @@ def main() -> int:
     arguments = _parser().parse_args()
     try:
         scene = _read_scene(Path(arguments.scene))
+        options = {"patience": arguments.patience, "journal": arguments.journal, "audit": arguments.audit}
         with _addresses(arguments) as addresses:
             keys = read_keys(arguments.keys) if arguments.keys is not None else None
-            run = Run(scene, shape=arguments.shape, patience=arguments.patience, journal=arguments.journal, keys=keys, **addresses)
+            run = Run(scene, shape=arguments.shape, keys=keys, **options, **addresses)
             signal.signal(signal.SIGTERM, lambda number, frame: _stop(run, number, frame))
             signal.signal(signal.SIGINT, lambda number, frame: _stop(run, number, frame))
             try:
@@ -71,6 +72,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--keys", metavar="DIR", type=Path, help="encrypt, and let in only those known in this folder; see: cablecosim keys"
+    )
+    parser.add_argument(
+        "--audit", metavar="ADDRESS", help="of a second shape server, which solves sampled steps with every effect; none without it"
     )
     parser.add_argument("--start", action="store_true", help="step as soon as the scene is ready, without waiting to be started")
     return parser

@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+import msgspec
+
 from protocol import VERSION
 from protocol.channel import Server
 from protocol.codec import encode
@@ -46,6 +48,7 @@ class Control:
         silent: Callable[[], float] = lambda: 0.0,
         frame: Callable[[int], bytes | None] | None = None,
         keys: Keys | None = None,
+        audits: Callable[[], bool] = lambda: False,
     ) -> None:
         """Begin to listen.
 
@@ -55,10 +58,11 @@ class Control:
             silent: Says for how many seconds the shape server has been waited for in vain.
             frame: Finds the bytes of a frame that was published; None if nothing is kept.
             keys: To listen with.
+            audits: Says whether a shape server that audits has work to do.
         """
         welcome = Welcome(version=VERSION, role="env_server", scene_hash=scene_hash)
         self._server = Server(address, lambda: welcome, size_max=SIZE_MAX, keys=keys)
-        self._silent, self._frame = silent, frame
+        self._silent, self._frame, self._audits = silent, frame, audits
         self.address = self._server.address
         self._lock = threading.Lock()
         self._statistics = Statistics(step=0, steps=0, state="starting", sentence="starting")
@@ -151,7 +155,7 @@ class Control:
         with self._lock:
             if isinstance(message, StatisticsRequest):
                 now = self._statistics
-                return Statistics(step=now.step, steps=now.steps, state=now.state, sentence=now.sentence, silent=self._silent())
+                return msgspec.structs.replace(now, silent=self._silent(), wants_audits=self._audits())
             if isinstance(message, FrameRequest):
                 return self._frame_again(message.sequence)
             if isinstance(message, SnapshotRequest):

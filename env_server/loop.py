@@ -23,6 +23,7 @@ from protocol.messages import CrossingReactions, Crossings, Grasps, Problem, Sha
 
 from . import coupling, looking, remesh
 from .asking import Asker
+from .audit import Auditor, Audits, heard
 from .crossed import Crossed
 from .first_touch import with_first_touches, within
 from .hanging import Hanging, accepted, joined, least_share, nowhere, part_way, start_of, unsettled
@@ -43,9 +44,11 @@ AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 class Loop:
     """Steps the cables of a scene through time."""
 
-    def __init__(self, stage: Stage, asker: Asker, session: str) -> None:
+    def __init__(self, stage: Stage, asker: Asker, session: str, auditor: Auditor | None = None) -> None:
         self._stage = stage
         self._asker = asker
+        self._auditor = auditor
+        self._audits = Audits()
         self._session = session
         self._meter = Meter()
         self._collisions: tuple[tuple[str, str], ...] = ()
@@ -72,6 +75,7 @@ class Loop:
         begun, coded = time.perf_counter(), self._asker.coding
         self._meter = Meter()
         self._round = 0
+        self._audits, audits = heard(self._auditor, step, self._audits, self._meter)
         if before is not None:
             before = self._with_fewer_nodes(before)
         posture, done = self._go(step, goal, before, 0)
@@ -83,10 +87,12 @@ class Loop:
                 done.rounds = again.rounds
                 break
             posture, done = reached, again
-        bill = self._meter.bill(encode=self._asker.coding - coded, total=time.perf_counter() - begun)
-        stepped = Stepped(posture, done.cables, done.rounds, self._collisions, bill, done.crossed, done.coupling)
+        bill = self._meter.bill(encode=self._asker.coding - coded, total=time.perf_counter() - begun - self._meter.wait)
+        stepped = Stepped(posture, done.cables, done.rounds, self._collisions, bill, done.crossed, done.coupling, audits)
         if done.has_shapes:
             self._now = stepped
+            if self._auditor is not None:
+                self._audits = self._auditor.look(step, self._stage.path.steps, self._audits, *done.answered)
         return stepped
 
     def _with_more_nodes(self, before: Stepped, after: tuple[Hanging, ...]) -> Stepped:
@@ -152,6 +158,7 @@ class Loop:
             asked = crossed.asked([was.shape for was in cables if was is not None]) if crossed is not None else None
             shapes, reactions = self._ask(step, problems, asked, goal, has_moved_robot=has_moved_robot)
             has_moved_robot = True
+            done.answered = (problems, shapes) if asked is None else ((), ())
             if any(shape.outcome is not Outcome.CONVERGED for shape in shapes):
                 done.cables = tuple(
                     replace(was, shape=shape) if was is not None else nowhere(shape, self._stage.untouched(index))
@@ -213,11 +220,11 @@ class Loop:
         begun, count, table = time.perf_counter(), self._stage.body_count, table_of(self._stage.scene.effects)
         problems = []
         for index, (cable, grasp, was) in enumerate(zip(self._stage.scene.cables, grasps, cables, strict=True)):
-            contacts = None
+            contacts, forced = None, self._audits.table(index, table)
             if was is not None:
                 contacts = was.boundary.contacts(joined(was, count, self._reach.bodies), was.shape.s, goal.surfaces, goal.time)
             start, own = start_of(was), looking.meetings(index, was, crossed)
-            problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start, self_contacts=own, effects=table))
+            problems.append(Problem(cable=cable, grasps=grasp, contacts=contacts, start=start, self_contacts=own, effects=forced))
         self._meter.search += time.perf_counter() - begun
         return tuple(problems)
 
@@ -265,7 +272,7 @@ class Loop:
         self._meter.solve += reply.busy
         trip = time.perf_counter() - begun - (self._asker.coding - coded)
         self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
-        return reply.shapes, reply.crossings
+        return self._audits.marked(reply.shapes), reply.crossings
 
     def _free_share(
         self, anchor: Sequence[Hanging] | None, crossed: Crossed | None, at: Posture, goal: Posture, after: Sequence[Hanging]

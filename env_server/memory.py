@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
+from .audit import Audits
 from .looking import Reach
 from .loop import Loop
 from .stepped import Stepped
@@ -17,8 +18,9 @@ REMEMBERED: Final = {
     "_now": "now",
     "_collisions": "collisions",
     "_reach": "reach",
+    "_audits": "audits",
 }
-FORGOTTEN: Final = {"_stage", "_asker", "_session", "_meter", "_round"}  # given anew, or begun anew with every step
+FORGOTTEN: Final = {"_stage", "_asker", "_session", "_meter", "_round", "_auditor"}  # given anew, or begun anew with every step
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Checkpoint:
     now: Stepped
     collisions: tuple[tuple[str, str], ...]
     reach: Reach
+    audits: Audits
 
 
 def checkpoint(loop: Loop, session: str, step: int, late: float, size: int) -> Checkpoint:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import platform
 import time
 import uuid
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
 import msgspec
 import numpy as np
 
-from protocol import VERSION, scene_file
+from protocol import scene_file
 from protocol.codec import encode
 from protocol.errors import CablecosimError, PeerLostError, RecordingError
 from protocol.keys import Keys
@@ -25,6 +23,7 @@ from protocol.scene import Relaxation, Scene
 
 from . import touch
 from .asking import Asker
+from .audit import auditor_of, is_wanted
 from .control import Control
 from .journal import Journal
 from .loop import Loop
@@ -32,11 +31,11 @@ from .memory import Checkpoint, resume
 from .outlet import Outlet
 from .stage import Stage
 from .stepped import Stepped, shown, touch_points
+from .versions import versions
 
 RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
 COMPILING: Final = "; kernels compile beside the run, once, for a minute or two, and numpy serves meanwhile"
 LINGER: Final = 60.0  # s to go on answering after the run and the last question
-LIBRARIES: Final = ("numpy", "scipy", "numba", "pyzmq", "pybullet", "trimesh", "manifold3d", "msgspec")
 
 
 class Run:
@@ -53,6 +52,7 @@ class Run:
         patience: float,
         journal: Path | None = None,
         keys: Keys | None = None,
+        audit: str | None = None,
     ) -> None:
         """Begin to listen.
 
@@ -65,6 +65,7 @@ class Run:
             patience: [s] To wait for a silent shape server.
             journal: Folder to keep the run in, so that it can go on after this program was killed; gone on from if it holds one.
             keys: For every socket.
+            audit: Where a shape server listens, or will, that solves sampled steps with every effect; without it none are.
         """
         self._scene = scene
         self._patience = patience
@@ -73,9 +74,11 @@ class Run:
         self._session = uuid.uuid5(uuid.NAMESPACE_OID, data.decode()).hex
         self._outlet = Outlet(frames, live, self._session, journal, keys)
         self._asker = Asker(shape, patience=patience, keys=keys)
+        auditor = self._auditor = auditor_of(scene, Asker(audit, patience=patience, keys=keys) if audit is not None else None)
         frame = self._outlet.journal.message if self._outlet.journal is not None else None
         scene_hash = hashlib.sha256(data).hexdigest()[:16]
-        self._control = Control(control, scene_hash, silent=lambda: self._asker.silent, frame=frame, keys=keys)
+        audits = partial(is_wanted, auditor)
+        self._control = Control(control, scene_hash, silent=lambda: self._asker.silent, audits=audits, frame=frame, keys=keys)
         self._kernels = ""  # of the shape server, when it was greeted
         self._sequence = 0
         self._publishing = self._framed = 0.0  # s that the last frame took; on the bill of the next
@@ -97,7 +100,7 @@ class Run:
                 return ""
             snapshot = self._snapshot(stage)
             self._control.offer(snapshot)
-            loop = Loop(stage, self._asker, self._session)
+            loop = Loop(stage, self._asker, self._session, self._auditor)
             kept = self._outlet.kept
             first = self._first(loop) if kept is None else self._continued(loop, kept)
             self._control.report(0 if kept is None else kept.step, snapshot.steps, "ready", "ready")
@@ -123,6 +126,8 @@ class Run:
     def close(self) -> None:
         """Give all addresses back."""
         self._asker.close()
+        if self._auditor is not None:
+            self._auditor.close()
         self._control.close()
         self._outlet.close()
 
@@ -171,14 +176,13 @@ class Run:
                 return
 
     def _snapshot(self, stage: Stage) -> Snapshot:
-        versions = {"cablecosim": _version("cablecosim"), "protocol": str(VERSION), "python": platform.python_version()}
         return Snapshot(
             session=self._session,
             scene=self._scene,
             solids=stage.solids,
             joints=stage.robot.joint_names if stage.robot is not None else (),
             steps=stage.path.steps,
-            versions=versions | {name: _version(name) for name in LIBRARIES},
+            versions=versions(),
         )
 
     def _step(self, stage: Stage, loop: Loop, first: Stepped, begin: int, steps: int) -> str:
@@ -260,7 +264,7 @@ class Run:
             stepped.bill,
             robot=stepped.bill.robot + worked - begun,
             encode=stepped.bill.encode + self._publishing,
-            wait=wait,
+            wait=wait + stepped.bill.wait,
             total=stepped.bill.total + worked - begun + self._publishing,
         )
         return Frame(
@@ -283,6 +287,7 @@ class Run:
             relaxation=relaxing,
             crossing=stepped.crossed.pushes if stepped.crossed is not None else None,
             coupling=stepped.coupling,
+            audits=stepped.audits if not relaxing else (),
         )
 
     def _trouble(self, stepped: Stepped) -> str:
@@ -291,10 +296,3 @@ class Run:
             if hanging.shape.outcome is not Outcome.CONVERGED:
                 return f"cable '{cable.name}' is {hanging.shape.outcome.value}: {hanging.shape.sentence}"
         return ""
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from protocol.kinds import Outcome
-from protocol.messages import Bill, Shape, TouchPoints
+from protocol.messages import Audited, Bill, Problem, Shape, TouchPoints
 
 from .crossed import Crossed
 from .hanging import Hanging
@@ -23,10 +23,11 @@ class Meter:
     search: float = 0.0
     robot: float = 0.0
     wire: float = 0.0
+    wait: float = 0.0
 
     def bill(self, *, encode: float, total: float) -> Bill:
         """For the frame; seconds spent on messages and in all are measured elsewhere."""
-        return Bill(solve=self.solve, search=self.search, robot=self.robot, encode=encode, wire=self.wire, wait=0.0, total=total)
+        return Bill(solve=self.solve, search=self.search, robot=self.robot, encode=encode, wire=self.wire, wait=self.wait, total=total)
 
 
 @dataclass
@@ -39,6 +40,7 @@ class Try:
     is_settled: bool = False
     may_have_passed: bool = False
     coupling: tuple[float, ...] = ()  # m, what one more round would change of every cable
+    answered: tuple[tuple[Problem, ...], tuple[Shape, ...]] = (), ()  # in the last round; none where cables touch each other
 
     @property
     def has_shapes(self) -> bool:
@@ -57,6 +59,7 @@ class Stepped:
     bill: Bill
     crossed: Crossed | None = None  # what the cables do to each other; None where all pass through each other
     coupling: tuple[float, ...] = ()  # m, what one more round would change of every cable; none between two equilibria
+    audits: tuple[Audited, ...] = ()  # whose answers count from this step on
 
 
 def touch_points(stage: Stage, stepped: Stepped) -> TouchPoints:

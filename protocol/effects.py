@@ -45,6 +45,9 @@ GIVEN: Final = ("contact", "friction", "bond", "inclination", "self_contact")
 WITH_BENDING: Final = ("twist", "preform", "micro_length", "bend_radius")
 """Effects of a cable that bends: without bending there are none of them."""
 
+AUDIT: Final = "audit"
+"""Why an effect is on that an audit has switched on, for it moved more than was said."""
+
 GOING: Final = "going"
 """Why an effect is on that the next shape may leave out: its size has fallen well below what it came on at."""
 
@@ -62,7 +65,19 @@ class Predicted(Part, frozen=True):
     force: float  # N, of what it changes a force by
     curvature: float  # 1/m, of what it changes a curvature by
     is_on: bool
-    why: str  # "above" or "below" its share, "going" (off next time), "needed", "with bending", or "asked"
+    why: str  # "above" or "below" its share, "going" (off next time), "needed", "with bending", "asked", or "audit"
+
+
+class Audited(Part, frozen=True):
+    """What leaving an effect out did change in a step, which was solved with everything on as well."""
+
+    step: int  # that was audited; the frame is that of the step from which the answer counts
+    cable: int  # index in the scene
+    name: str  # of the effect
+    bound: float  # m, what was said that it moves any node by at most
+    actual: float | None  # m, what it moves; None where there is no shape with everything on
+    is_broken: bool  # whether it moves more than was said
+    is_switched_on: bool  # whether it is on from this frame on
 
 
 def table_of(choice: str | tuple[str, ...] | dict[str, bool]) -> dict[str, bool]:

@@ -19,6 +19,7 @@ from .crossings import CablePoints as CablePoints
 from .crossings import CrossingReactions as CrossingReactions
 from .crossings import Crossings as Crossings
 from .crossings import check_crossings
+from .effects import Audited as Audited
 from .effects import Predicted as Predicted
 from .errors import MessageError
 from .parts import Contacts as Contacts
@@ -175,6 +176,7 @@ class Statistics(Message, frozen=True):
     state: str  # "starting", "ready", "running", "paused", "finished" or "failed"
     sentence: str  # what it is doing
     silent: float = 0.0  # s since the shape server, while it is waited for, last gave a sign of life
+    wants_audits: bool = False  # whether something is left out, so that there is work for a shape server that audits
 
 
 class Solid(Part, frozen=True):
@@ -213,7 +215,7 @@ class Bill(Part, frozen=True):
     robot: float  # inverse kinematics, moving the scene, collisions of the robot
     encode: float  # messages to bytes and back, in env_server, the last frame among them
     wire: float  # between the two programs: round trip less what the shape server was busy
-    wait: float  # held by a pause or by viewers
+    wait: float  # held by a pause, by viewers or by an audit
     total: float  # the whole step; less than the sum, for the robot moves while the shape server thinks
 
 
@@ -239,6 +241,7 @@ class Frame(Message, frozen=True):
     relaxation: float = 0.0  # share of the time from one equilibrium to the next that has passed; 0 for an equilibrium
     crossing: CablePoints | None = None  # none in a scene whose cables pass through each other
     coupling: tuple[float, ...] = ()  # m, per cable: how far one more round would move it; none between two equilibria
+    audits: tuple[Audited, ...] = ()  # of an earlier step, whose answer counts from here on
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""

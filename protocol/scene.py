@@ -157,6 +157,7 @@ class Scene:
     tolerance: Annotated[Positive, Unit("m")] = 1e-3  # asked of every predicted shape
     relaxation: Relaxation | None = None  # the next shape is shown at once without it
     effects: EffectChoice = "auto"
+    audit_every: Annotated[int, Ge(0), Le(STEPS_MAX)] = 50  # steps, of which one is solved with every effect too; 0: none is
 
 
 def check_scene(scene: Scene) -> None:
@@ -167,13 +168,12 @@ def check_scene(scene: Scene) -> None:
     """
     cables = {cable.name: cable for cable in scene.cables}
     grippers = {gripper.name: gripper for gripper in scene.grippers}
-    arms = scene.robot.arms if scene.robot is not None else ()
     _names_differ("cables", [cable.name for cable in scene.cables])
     _names_differ("grippers", [gripper.name for gripper in scene.grippers])
     _names_differ("bodies", [body.name for body in scene.bodies])
     _names_differ("moves", [move.name for move in scene.moves])
     _names_differ("pictures", [picture.name for picture in scene.pictures])
-    _names_differ("robot.arms", [arm.name for arm in arms])
+    _names_differ("robot.arms", [arm.name for arm in (scene.robot.arms if scene.robot is not None else ())])
     for index, cable in enumerate(scene.cables):
         _check_cable(f"cables[{index}]", cable)
     for index, gripper in enumerate(scene.grippers):

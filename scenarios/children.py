@@ -23,14 +23,15 @@ _PR_SET_PDEATHSIG: Final = 1
 class Child:
     """One program, with all that it prints in a log file."""
 
-    def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
+    def __init__(self, name: str, arguments: Sequence[str], log: Path, program: str = "") -> None:
+        """Start the program of that name, or another one that goes by it."""
         self.name = name
         self.log = log
         self._begin = log.stat().st_size if log.exists() else 0  # an earlier one may have written before
         with log.open("ab") as output:
             # A session of its own, so that Ctrl-C reaches the launcher alone, which then ends all in good order.
             self._process = subprocess.Popen(
-                command(name, arguments),
+                command(program or name, arguments),
                 env=environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=output,

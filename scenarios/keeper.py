@@ -21,7 +21,8 @@ SILENCE: Final = 20.0  # s without a sign of life after which a program is ended
 RESTARTS_MAX: Final = 3  # of one program without getting on in between
 FROM_OUTSIDE: Final = {-signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT, -signal.SIGHUP, -signal.SIGQUIT}
 """Exit codes of a program that somebody ended; a fault of its own has another signal."""
-SERVES: Final = {"shape_server"}  # never ends by itself
+AUDITOR: Final = "auditor"  # a second shape server, for audits
+SERVES: Final = {"shape_server", AUDITOR}  # never end by themselves
 
 
 @dataclass
@@ -32,6 +33,7 @@ class _Kept:
     arguments: Sequence[str]
     again: Sequence[str]  # arguments when it is started again
     begun: float  # s, when it was started last
+    program: str  # what goes by the name
     restarts: int = 0  # since it last got on
 
 
@@ -56,20 +58,26 @@ class Keeper:
         """Every program as it was started last."""
         return [kept.child for kept in self._kept.values()]
 
+    @property
+    def names(self) -> set[str]:
+        """Of every program that was started."""
+        return set(self._kept)
+
     def child(self, name: str) -> Child:
         """The program of that name, as it was started last."""
         return self._kept[name].child
 
-    def start(self, name: str, arguments: Sequence[str], again: Sequence[str] | None = None) -> None:
+    def start(self, name: str, arguments: Sequence[str], again: Sequence[str] | None = None, program: str = "") -> None:
         """Start a program.
 
         Args:
-            name: Of its package.
+            name: Of its package, or what it goes by.
             arguments: Of its command line.
             again: The same when it has to be started again, if they differ.
+            program: Of its package, if it goes by another name.
         """
-        child = Child(name, arguments, self._box / f"{name}.log")
-        self._kept[name] = _Kept(child, arguments, arguments if again is None else again, time.monotonic())
+        child = Child(name, arguments, self._box / f"{name}.log", program)
+        self._kept[name] = _Kept(child, arguments, arguments if again is None else again, time.monotonic(), program)
 
     def age(self, name: str) -> float:
         """Seconds since a program was started last."""
@@ -121,4 +129,4 @@ class Keeper:
         self._say(f"{why}; it is started again")
         kept.restarts += 1
         kept.begun = time.monotonic()
-        kept.child = Child(name, kept.again, self._box / f"{name}.log")
+        kept.child = Child(name, kept.again, self._box / f"{name}.log", kept.program)

@@ -27,7 +27,7 @@ from protocol.scene import Scene
 
 from . import summary
 from .children import Child, end_all
-from .keeper import FROM_OUTSIDE, SILENCE, Keeper
+from .keeper import AUDITOR, FROM_OUTSIDE, SILENCE, Keeper
 from .progress import Display
 from .remote import POLL, START_LIMIT, Remote
 from .watch import Watch
@@ -115,7 +115,8 @@ class _Run:
         self._box = box
         self._show = show
         self._folder: Path | None = None
-        self._shape, self._frames, self._live, self._control = (f"ipc://{box}/{name}" for name in ("shape", "frames", "live", "control"))
+        names = ("shape", "frames", "live", "control", "audit")
+        self._shape, self._frames, self._live, self._control, self._audit = (f"ipc://{box}/{name}" for name in names)
         self._options = ("--keys", str(keys)) if keys is not None else ()
         self._keys = read_keys(keys) if keys is not None else None
         self._keeper = Keeper(box, show.say, silence)
@@ -127,8 +128,10 @@ class _Run:
         """Start the shape server and the environment."""
         file = self._box / "scene.json"
         file.write_bytes(scene_file.write(scene))
-        self._keeper.start("shape_server", ("--bind", self._shape, "--kernels", kernels, *self._options))
-        addresses = ("--shape", self._shape, "--frames", self._frames, "--live", self._live, "--control", self._control)
+        self._kernels = ("--kernels", kernels, *self._options)
+        self._keeper.start("shape_server", ("--bind", self._shape, *self._kernels))
+        listening = ("--frames", self._frames, "--live", self._live, "--control", self._control)
+        addresses = ("--shape", self._shape, "--audit", self._audit, *listening)
         self._keeper.start("env_server", ("--scene", str(file), *addresses, "--journal", str(self._box / JOURNAL), *self._options))
 
     def wait_until_ready(self) -> None:
@@ -178,6 +181,9 @@ class _Run:
             if state is None or state.state in ("finished", "failed"):
                 break
             self._watch.look(state)
+            if state.wants_audits and AUDITOR not in self._keeper.names:
+                arguments = ("--bind", self._audit, "--gives-way", *self._kernels)
+                self._keeper.start(AUDITOR, arguments, program="shape_server")
             if state.state == "ready":
                 self._remote.start()
             elif over:
@@ -218,7 +224,7 @@ class _Run:
 
     def _await_recorder(self) -> None:
         """Wait until the recorder has drawn everything; the environment goes on answering meanwhile, and is started again if need be."""
-        if "viz_client" not in {child.name for child in self._keeper.children}:
+        if "viz_client" not in self._keeper.names:
             return
         end = time.monotonic() + DRAW_LIMIT
         while self._keeper.child("viz_client").code != 0:

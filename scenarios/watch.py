@@ -14,7 +14,7 @@ from protocol import recording
 from protocol.errors import RecordingError
 from protocol.messages import Statistics
 
-from .keeper import Keeper
+from .keeper import AUDITOR, Keeper
 
 FIRST: Final = 20.0  # s for a recorder to begin its recording
 COMPILING: Final = 300.0  # s for a shape server to be there, with every kernel compiled
@@ -44,7 +44,7 @@ class Watch:
         if state is not None:
             if state.step > self._step:
                 self._step = state.step
-                self._keeper.got_on("shape_server", "env_server")
+                self._keeper.got_on("shape_server", "env_server", *({AUDITOR} & self._keeper.names))
             self._look_at_shape_server(state)
         if self._file is not None:
             self._look_at_recorder(self._file, is_over=state is None or state.state in ("finished", "failed"))

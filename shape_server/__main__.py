@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 from pathlib import Path
 from types import FrameType
+from typing import Final
 
 from protocol.codec import decode, encode
 from protocol.errors import CablecosimError
@@ -18,11 +20,15 @@ from .paths import CHOICES, Paths, compile_kernels
 from .server import ShapeServer
 from .solve import answer
 
+GIVING_WAY: Final = 5  # niceness: a third of what others get of a busy processor, for an answer is waited for in the end
+
 
 def main() -> int:
     """Run the server until it is stopped; 0 in good order, 2 with a sentence for a mistake."""
     arguments = _parser().parse_args()
     blas.use_one_thread()
+    if arguments.gives_way:
+        os.nice(GIVING_WAY)
     if not (arguments.warm_up or arguments.compile):  # the compiler would hold back a handler for seconds
         signal.signal(signal.SIGTERM, _leave)
     try:
@@ -66,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
         default="auto",
         help="auto: numpy until the kernels are compiled (default); compiled: wait for them; numpy: never compile",
     )
+    parser.add_argument("--gives-way", action="store_true", help="let other programs go first, for audits")
     parser.add_argument(
         "--keys", metavar="DIR", type=Path, help="encrypt, and let in only those known in this folder; see: cablecosim keys"
     )

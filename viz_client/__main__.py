@@ -21,6 +21,7 @@ Needs no display. Writes into the folder DIR:
   report.html         what it came to: verdict, postures, curves; opens in a browser, offline
   replay.html         every step in three dimensions; opens in a browser, offline
   bill.svg            where the time of every step went
+  effects.svg         which effects were simulated when, why, and what those left out could have changed
 """
 EPILOG = """exit codes: 0 all of the run was recorded, or it was told to stop; 1 the environment was lost; 2 a wrong request
 

@@ -93,6 +93,14 @@ def canvas(size: tuple[float, float]) -> tuple[Any, Any]:
     return figure, figure.add_subplot()
 
 
+def axes_above_each_other(size: tuple[float, float], heights: tuple[float, float]) -> tuple[Any, Any, Any]:
+    """An empty figure of a size [inches], and two axes over the same x with these heights in proportion."""
+    figure, whole = canvas(size)
+    whole.remove()
+    above, below = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": heights})
+    return figure, above, below
+
+
 def svg_text(figure: Any) -> str:
     """A figure as the text of an SVG element."""
     import matplotlib

@@ -11,13 +11,15 @@ from protocol.codec import encode
 
 from .bill import FILE_NAME as BILL_NAME
 from .bill import write_bill
+from .effects import FILE_NAME as EFFECTS_NAME
+from .effects import write_effects
 from .painter import DIRECTORY, Painter
 
 REPLAY_NAME = "replay.html"
 
 
 def redraw(run: Path, *, replay: bool = True, pictures: bool = True, say: Callable[[str], None] = lambda _line: None) -> None:
-    """Replace `pictures/`, `replay.html`, `bill.svg` and `report.html` of a run by what its recording holds.
+    """Replace `pictures/`, `replay.html`, `bill.svg`, `effects.svg` and `report.html` of a run by what its recording holds.
 
     Args:
         run: Folder of the run.
@@ -44,7 +46,7 @@ def redraw(run: Path, *, replay: bool = True, pictures: bool = True, say: Callab
 
 
 def page(run: Path, say: Callable[[str], None]) -> None:
-    """Write `replay.html` and the bill from the recording, and say how large the page is and what the bill says."""
+    """Write `replay.html`, the bill and the choice of effects from the recording, and say how large the page is and what they say."""
     from .replay import write_replay
 
     start = time.monotonic()
@@ -54,9 +56,11 @@ def page(run: Path, say: Callable[[str], None]) -> None:
         say(f"{REPLAY_NAME}: {count} frames, {file.stat().st_size / 1e6:.1f} MB, written in {time.monotonic() - start:.1f} s")
     else:
         say(f"no {REPLAY_NAME}: the recording holds no frame")
-    told = write_bill(recording.read(run / recording.FILE_NAME), run / BILL_NAME)
-    if told:
-        say(f"{BILL_NAME}: {told}")
+    record = recording.read(run / recording.FILE_NAME)
+    for name, write in ((BILL_NAME, write_bill), (EFFECTS_NAME, write_effects)):
+        told = write(record, run / name)
+        if told:
+            say(f"{name}: {told}")
 
 
 def report(run: Path, say: Callable[[str], None]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from protocol.kinds import Feature, Friction, Hold, Inclination, Outcome, SelfInteraction, SelfTouch
 from protocol.messages import (
     AnyMessage,
+    Audited,
     Beat,
     Bill,
     CablePoints,
@@ -215,6 +216,7 @@ def frame() -> Frame:
         bill=Bill(solve=1e-3, search=1e-3, robot=1e-3, encode=1e-3, wire=1e-3, wait=0.0, total=5e-3),
         coupling=(1e-6,),
         crossing=CablePoints(cable=np.array([[0, 0]]), s=np.array([[0.3, 0.9]]), point=np.ones((1, 3)), force=np.ones((1, 3))),
+        audits=(Audited(step=2, cable=0, name="stretch", bound=1e-5, actual=2e-5, is_broken=True, is_switched_on=True),),
     )
 
 
@@ -251,7 +253,7 @@ def every_message() -> list[AnyMessage]:
         SnapshotRequest(),
         StatisticsRequest(),
         FrameRequest(sequence=7),
-        Statistics(step=3, steps=60, state="running", sentence="running"),
+        Statistics(step=3, steps=60, state="running", sentence="running", wants_audits=True),
         Snapshot(session="session", scene=scene(), solids=(solid(),), joints=("a", "b"), steps=60, versions={"python": "3.13"}),
         frame(),
         Finished(session="session", frames=61, failed=False, sentence="finished"),

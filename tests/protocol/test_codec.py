@@ -174,6 +174,7 @@ OPTIONAL = {
     ("ShapeReply", "rubbed"), ("Frame", "rubbed"), ("ShapeRequest", "budget"), ("ShapeRequest", "extrapolate"), ("ShapeRequest", "margin"),
     ("ShapeRequest", "effects"), ("ShapeReply", "predicted"), ("Frame", "predicted"),
     ("ShapeRequest", "crossings"), ("ShapeReply", "crossings"), ("Frame", "crossing"), ("Frame", "coupling"),
+    ("Frame", "audits"), ("Statistics", "wants_audits"),
 }  # fmt: skip
 """Fields that may be left out, and get the value that docs/protocol.md gives; those of cable and scene aside."""
 

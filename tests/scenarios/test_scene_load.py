@@ -66,7 +66,7 @@ BAD = [  # what is replaced, by what, and the sentence after the file's name
         '[[pictures]]\nname = "end"',
         "[[xyz]]",
         "42: xyz: unknown key; there are title, cables, grippers, moves, bodies, robot, pictures, gravity, time_step, tolerance, "
-        "relaxation, effects",
+        "relaxation, effects, audit_every",
     ),
     ("length = 1.2", "", '4: cables[0].length: missing; give a number in m or a string such as "9 mm"'),
     ("length = 1.2", "length = -1.2", "6: cables[0].length: -1.2 m must be greater than 0 m"),
