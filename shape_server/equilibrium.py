@@ -91,7 +91,10 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
     only_near = near > 0.0
     state, view = look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     is_stable, unbalanced, last = False, np.inf, np.inf
-    most, shift = (NEAR_STEPS, 0.0) if only_near else (WARM_STEPS, NEUTRAL * rod.stiffest / rod.length**2)
+    # A cable that only a floor and its friction keep from swinging about a hinge has no stiffness of its own: which contacts stick
+    # is then asked of a system that says next to nothing.
+    shift = 0.0 if only_near and len(rod.rub.rows) == 0 else NEUTRAL * rod.stiffest / rod.length**2
+    most = NEAR_STEPS if only_near else WARM_STEPS
     for iteration in range(1, most + 1):
         step = newton_step(rod, state, view, EXACT, shift)
         is_stable, unbalanced = step.is_stable, step.unbalanced

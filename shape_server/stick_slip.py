@@ -126,7 +126,7 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
         normal = _normals(force, rub_of, rubs)
         wrong = np.zeros(many + rubs, dtype=np.bool_)
         wrong[:many] = (closed & (force[:many] < 0.0)) | (~closed & (gap[:many] < -tolerance))
-        is_done = _judge(force, gap, rub, at, hard, sticks, turned, _touching(closed, rub_of, rubs), normal, wrong, many)
+        is_done = _judge(force, gap, rub_of, rub, at, hard, sticks, turned, _touching(closed, rub_of, rubs), normal, wrong)
         if wrong[many:].any():  # what sticks against a pull brings absurd normal forces, which are not to open contacts
             wrong[:many] = False
         offending = np.flatnonzero(wrong)
@@ -198,12 +198,13 @@ def _touching(closed, rub_of, rubs):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _judge(force, gap, rub, at, hard, sticks, turned, touching, normal, wrong, many):  # type: ignore[no-untyped-def]
+def _judge(force, gap, rub_of, rub, at, hard, sticks, turned, touching, normal, wrong):  # type: ignore[no-untyped-def]
     """Mark in `wrong` the contacts that neither stick nor slide as they should, move `at` on; whether all that slide keep their law.
 
-    What slides the other way than was thought does so from now on, and only if it turns once more it is to stick.
+    What slides the other way than was thought does so from now on, and only if it turns once more it is to stick. What sticks and pulls
+    by more than friction needs is left to open; let to slide, it would go on pulling.
     """
-    is_done = True
+    many, is_done = len(rub_of), True
     for k in range(len(sticks)):
         if not touching[k]:
             continue
@@ -211,7 +212,9 @@ def _judge(force, gap, rub, at, hard, sticks, turned, touching, normal, wrong, m
         f0, f1 = force[row], force[row + 1]
         rest = drag_limit(rub, k, 0.0, normal[k])[0]
         if sticks[k]:
-            wrong[many + k] = _size(f0, f1) > (1.0 + SLACK) * rest
+            pulls = _pull(force, rub_of, k)
+            is_to_open = pulls > 0.0 and rest == 0.0 and _size(f0, f1) <= drag_limit(rub, k, 0.0, pulls)[0]
+            wrong[many + k] = _size(f0, f1) > (1.0 + SLACK) * rest and not is_to_open
             continue
         u0, u1 = gap[row] - hard * f0, gap[row + 1] - hard * f1
         size = _size(u0, u1)
@@ -226,6 +229,16 @@ def _judge(force, gap, rub, at, hard, sticks, turned, touching, normal, wrong, m
         # A law that rises steeply from zero is approached from there, where it is steepest: without going back and forth.
         at[k, 0], at[k, 1] = (0.0, 0.0) if is_reversed and rest == 0.0 else (u0, u1)
     return is_done
+
+
+@njit(cache=True, error_model="numpy")
+def _pull(force, rub_of, k):  # type: ignore[no-untyped-def]
+    """How strongly all rows of a contact that rubs pull [N]; not positive if they push."""
+    total = 0.0
+    for row in range(len(rub_of)):
+        if rub_of[row] == k:
+            total -= force[row]
+    return total
 
 
 @njit(cache=True, error_model="numpy")

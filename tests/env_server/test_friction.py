@@ -73,6 +73,13 @@ def test_a_cable_that_was_drawn_and_let_be_stays_where_it_is_and_keeps_its_force
     assert rest[-1].grasp_wrenches[0, 0] == pytest.approx(drawn.grasp_wrenches[0, 0], rel=1e-5)
 
 
+def test_a_cable_on_a_very_rough_floor_knows_its_error_so_that_it_needs_no_more_nodes(tmp_path: Path) -> None:
+    """Nothing but the floor keeps it from swinging about its hinge; without an estimate it was cut in two again and again."""
+    for shape in shapes(run(on_the_floor(tmp_path, Friction.SIGNUM, (0.05, 0.0, 0.0), friction_coefficient=10.0))):
+        assert shape.error is not None
+        assert len(shape.s) == 17  # 513 before
+
+
 @pytest.mark.parametrize("bending", [1e-6, 1e-3, 1e-1])
 def test_a_dragged_cable_is_pulled_by_the_friction_of_all_that_is_behind(tmp_path: Path, bending: float) -> None:
     """T(s) = mu w s (Coulomb 1785), from the free end on; the part of the last node that the gripper bears does not rub."""
