@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 from protocol import scene_file
 from protocol.address import private_directory
@@ -29,10 +30,10 @@ def main() -> int:
     arguments = _parser().parse_args()
     try:
         scene = _read_scene(Path(arguments.scene))
-        options = {"patience": arguments.patience, "journal": arguments.journal, "audit": arguments.audit}
+        options: dict[str, Any] = {name: getattr(arguments, name) for name in ("patience", "journal", "audit")}
         with _addresses(arguments) as addresses:
             keys = read_keys(arguments.keys) if arguments.keys is not None else None
-            run = Run(scene, shape=arguments.shape, keys=keys, **options, **addresses)
+            run = Run(scene, shape=arguments.shape, keys=keys, **options | addresses)
             signal.signal(signal.SIGTERM, lambda number, frame: _stop(run, number, frame))
             signal.signal(signal.SIGINT, lambda number, frame: _stop(run, number, frame))
             try:

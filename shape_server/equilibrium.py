@@ -67,6 +67,7 @@ class Settled(NamedTuple):
     iterations: int
     unbalanced: float  # N
     why: int  # index into `WHY`
+    longest: float = np.inf  # rad, of the last step of Newton's method
 
 
 class Descent(NamedTuple):
@@ -88,24 +89,32 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
 
     With `near` [rad] until a step is as short as that, for comparing meshes, where no more is needed; to the end if it is zero.
     """
-    only_near = near > 0.0
     state, view = look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
-    is_stable, unbalanced, last = False, np.inf, np.inf
+    return settle_on(rod, Settled(state, view, False, False, 0, np.inf, GOING_ON, np.inf), near, WARM_STEPS)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
+    """Go on settling by so many steps at most; while `why` is `GOING_ON` there is more to do."""
+    only_near = near > 0.0
+    state, view, last = found.state, found.seen, found.longest
+    is_stable, unbalanced, longest = False, np.inf, np.inf
     # A cable that only a floor and its friction keep from swinging about a hinge has no stiffness of its own: which contacts stick
     # is then asked of a system that says next to nothing.
     shift = 0.0 if only_near and len(rod.rub.rows) == 0 else NEUTRAL * rod.stiffest / rod.length**2
     most = NEAR_STEPS if only_near else WARM_STEPS
-    for iteration in range(1, most + 1):
+    until = min(most, found.iterations + steps)
+    for iteration in range(found.iterations + 1, until + 1):
         step = newton_step(rod, state, view, EXACT, shift)
         is_stable, unbalanced = step.is_stable, step.unbalanced
         longest = _largest(step.turn)
         if not longest < 1e3:
-            return Settled(state, view, False, False, iteration, unbalanced, NOT_FINITE)
+            return Settled(state, view, False, False, iteration, unbalanced, NOT_FINITE, longest)
         scale = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0
         before, change = view.nodes, _change(state.force, step.force)
         state, view, let_go = advance(rod, state, view, step, scale)
         if only_near and longest <= near:
-            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE)
+            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE, longest)
         if only_near or let_go:
             continue
         miss = worst_miss(rod, state, view)
@@ -117,12 +126,12 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
         is_lawful = _keeps_laws(rod, state, view)
         known = is_lawful and change < FORCE_DONE * rod.force_scale
         if scale == 1.0 and longest < turn_done and known and miss < MISS_DONE * rod.length:
-            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE)
+            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE, longest)
         # Where several edges meet, contacts may go on taking turns without moving the cable any more.
         is_idle = iteration >= IDLE_AFTER and _largest(view.nodes - before) < IDLE_MOVE * rod.length
         if is_idle and is_stable and is_lawful and miss < IDLE_MISS * rod.length:
-            return Settled(state, view, True, True, iteration, unbalanced, DONE)
-    return Settled(state, view, False, is_stable, most, unbalanced, NOT_SHORT)
+            return Settled(state, view, True, True, iteration, unbalanced, DONE, longest)
+    return Settled(state, view, False, is_stable, until, unbalanced, GOING_ON if until < most else NOT_SHORT, last)
 
 
 @njit(cache=True, error_model="numpy")
@@ -192,7 +201,9 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
                 why = CLOSE
         if why == GOING_ON and iteration >= RELAX_STEPS:
             why = NO_MINIMUM
-    return Descent(Settled(state, view, False, False, iteration, unbalanced, why), force, push, drag, stiffness, shift, helped, worst)
+    return Descent(
+        Settled(state, view, False, False, iteration, unbalanced, why, np.inf), force, push, drag, stiffness, shift, helped, worst
+    )
 
 
 @njit(cache=True, error_model="numpy")

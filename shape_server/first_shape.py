@@ -12,7 +12,7 @@ import numpy as np
 
 from . import hinges, link
 from .cold import PULL, curve_frames
-from .descent import off_the_saddle, relax, settle_or_relax
+from .descent import off_the_saddle, relax, settle_alone, settle_or_relax
 from .equilibrium import Settled
 from .rod import NO_RUB, Rod, State
 from .system import System, force_scale, micro_length, no_strands, stiffest
@@ -76,7 +76,7 @@ def _stretched(task: Task, system: System, begin: State) -> Settled:
         state = begin
         for share in shares:
             rod = system.rod._replace(give=share * system.rod.give)
-            found = Settled(*task.path.settle(rod, state, 0.0))
+            found = settle_alone(task.path, rod, state, 0.0, task.progress)
             spent += found.iterations
             if not found.is_converged:
                 break

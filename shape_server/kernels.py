@@ -23,6 +23,7 @@ from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import descend as descend
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
+from .equilibrium import settle_on as settle_on
 from .equilibrium import worst_miss as worst_miss
 from .half_cells import lacking as lacking
 from .half_cells import mend as mend

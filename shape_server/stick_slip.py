@@ -23,6 +23,7 @@ from numba import njit
 
 from .closing import PATIENCE, part
 from .drag import drag_limit, sticks_at_rest
+from .held_by_friction import positive_and_held
 from .symmetric import solve_symmetric
 
 ROUNDS_MAX = 100
@@ -45,7 +46,7 @@ def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ign
         hard: [m/N] Compliance of what sticks.
 
     Returns:
-        change (count,) of the forces, is_closed (m,), sticks (f,), and from `_positive` what tells whether that is stable.
+        change (count,) of the forces, is_closed (m,), sticks (f,), and from `positive_and_held` what tells whether that is stable.
     """
     count, many, rubs = len(right), len(contacts), len(rod.rub.rows)
     rows, last = np.arange(count), count - 2 * rubs
@@ -68,37 +69,8 @@ def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ign
     change[free] = force - acting
     change[fixed] = solved[:, len(free)] - np.ascontiguousarray(solved[:, : len(free)]) @ change[free]
     slip = (own @ force - (rest + own @ acting))[many:] - hard * force[many:]
-    positive, rubbing = _positive(matrix, held, closed, sticks, force[many:], slip, hard)
+    positive, rubbing = positive_and_held(matrix, held, closed, sticks, force[many:], slip, hard)
     return change, closed, sticks, positive, rubbing
-
-
-@njit(cache=True, error_model="numpy")
-def _positive(matrix, held, closed, sticks, drag, slip, hard):  # type: ignore[no-untyped-def]
-    """Positive eigenvalues of the matrix of held points, closed contacts, curvature and what friction holds; the rows of the last.
-
-    What sticks is held both ways. What slides with a force F against a slip u is a given load along u, and held across it: whoever pushes
-    it aside turns the force, against the compliance |u| / F. So a cable that has only begun to slide does not fall aside.
-    """
-    rubs, many, turned = len(sticks), len(closed), matrix.copy()
-    last = len(matrix) - 2 * rubs
-    is_kept = np.ones(len(matrix), dtype=np.bool_)
-    is_kept[held : held + many] = closed
-    rubbing = 0
-    for k in range(rubs):
-        along, across = last + 2 * k, last + 2 * k + 1
-        f0, f1 = drag[2 * k], drag[2 * k + 1]
-        size = _size(f0, f1)
-        is_kept[along], is_kept[across] = sticks[k], sticks[k] or size > 0.0
-        rubbing += 2 if sticks[k] else 1 if size > 0.0 else 0
-        if size > 0.0 and not sticks[k]:
-            for j in range(len(matrix)):
-                turned[across, j] = (f0 * turned[across, j] - f1 * turned[along, j]) / size
-            for j in range(len(matrix)):
-                turned[j, across] = (f0 * turned[j, across] - f1 * turned[j, along]) / size
-            turned[across, across] += max(_size(slip[2 * k], slip[2 * k + 1]) / size - hard, 0.0)
-    kept = np.flatnonzero(is_kept)
-    _, positive = solve_symmetric(part(turned, kept, kept), np.zeros((len(kept), 1)))
-    return positive, rubbing
 
 
 @njit(cache=True, error_model="numpy")

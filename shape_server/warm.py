@@ -11,8 +11,8 @@ from protocol.messages import Shape
 
 from .answer import rod_shape
 from .clock import OutOfTime
-from .descent import off_the_saddle, relax
-from .equilibrium import NEAR, NO_MINIMUM, WHY, Settled
+from .descent import off_the_saddle, relax, settle_alone
+from .equilibrium import NEAR, NO_MINIMUM, WHY
 from .mesh import Mesh, from_nodes, halved
 from .refine import cold, failed, judged, late
 from .richardson import transfer
@@ -35,7 +35,7 @@ def _warm(task: Task) -> Shape:
     assert start is not None
     system = task.system(from_nodes(np.array(start.s), task.problem.cable.length, task.problem.grasps.s))
     rod, begin = system.rod, system.start(np.array(start.frames))
-    found = Settled(*task.path.settle(rod, begin, 0.0))
+    found = settle_alone(task.path, rod, begin, 0.0, task.progress)
     sentence = "settled from the start shape"
     is_own = task.problem.cable.self_interaction is SelfInteraction.CONTACT
     if not (found.is_converged and found.is_stable):
@@ -70,5 +70,5 @@ def _coarser(task: Task, fine: Solution) -> Solution | None:
         return None
     system = task.system(mesh)
     begin = transfer(task.path, system, fine.system, fine.found.state)
-    near = Settled(*task.path.settle(system.rod, begin, NEAR))
+    near = settle_alone(task.path, system.rod, begin, NEAR, task.progress)
     return Solution(task, system, near) if near.is_converged else None

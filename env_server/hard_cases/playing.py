@@ -19,6 +19,7 @@ from protocol.messages import Bill, Problem, Shape, ShapeRequest, Start
 from protocol.scene import Scene, check_scene
 
 from ..asking import Asker
+from ..audit import Audits
 from ..hanging import Hanging
 from ..looking import Reach
 from ..loop import REACH_MOST, Loop
@@ -139,7 +140,7 @@ def playing(
 
 def go_on_from(loop: Loop, laid_out: Stepped) -> None:
     """Let a loop that has not begun go on from a step before its first."""
-    resume(loop, Checkpoint(SESSION, -1, 0.0, 0, laid_out, (), Reach(REACH_MOST, REACH_MOST, REACH_MOST)))
+    resume(loop, Checkpoint(SESSION, -1, 0.0, 0, laid_out, (), Reach(REACH_MOST, REACH_MOST, REACH_MOST), Audits()))
 
 
 def laid(stage: Stage, asker: Asker, start: Start, *, is_loose: bool = False) -> Stepped:

@@ -38,7 +38,7 @@ class Watched(Loop):
         """How far [m] each cable goes when its contacts are looked at once more, and its shape is asked for again."""
         cables, goal, _ = self.ended
         grasps = [self._stage.grasps(cable.name, goal) for cable in self._stage.scene.cables]
-        problems = self._problems(goal, cables, grasps)
+        problems = self._problems(goal, cables, grasps, None)
         shapes, _ = self._ask(0, problems, None, goal, has_moved_robot=True)
         return [apart(was.shape, now) if now.outcome is Outcome.CONVERGED else np.inf for was, now in zip(cables, shapes, strict=True)]
 

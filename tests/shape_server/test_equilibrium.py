@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from protocol.kinds import Hold, Outcome
 from protocol.messages import Problem
 from shape_server import numpy_path, solve
-from shape_server.descent import relax
+from shape_server.descent import relax, settle_alone
 from shape_server.equilibrium import RELAX_STEPS
 
 
@@ -95,6 +95,20 @@ def test_descent_from_a_saddle_finds_the_buckled_shape() -> None:
     assert found.is_stable
     aside = np.linalg.norm(found.seen.nodes[:, 1:], axis=1).max()
     assert aside == pytest.approx(0.19, abs=0.02)  # 0.2 sqrt(0.9) by one half-wave of a cosine: 2/pi sqrt(1 - 0.9)
+
+
+@pytest.mark.parametrize("near", [0.0, 0.05])
+def test_settling_by_numpy_says_so_after_every_step_and_takes_the_same_steps(near: float) -> None:
+    start = solve(Problem(cable=cable(), grasps=span(0.7)), GRAVITY, path=numpy_path, extrapolate=False)
+    rod = build(Problem(cable=cable(), grasps=span(0.72)), GRAVITY, len(start.s) - 1)
+    begin, told = state_of(rod, np.array(start.frames)), list[int]()
+    found = settle_alone(numpy_path, rod.rod, begin, near, lambda iteration, residual: told.append(iteration))
+    at_once = numpy_path.settle(rod.rod, begin, near)
+    assert told == list(range(1, found.iterations + 1))
+    assert len(told) > 1
+    assert found.why == at_once.why
+    assert np.array_equal(found.state.frames, at_once.state.frames)
+    assert np.array_equal(found.seen.nodes, at_once.seen.nodes)
 
 
 def test_descent_reports_progress_and_is_bounded() -> None:
