@@ -1,16 +1,16 @@
 """One time step after the flow chart of the paper's Fig. 9: move, ask for the shape, look where it touches, decide, repeat.
 
-A round sends the present boundary conditions to the shape server and looks at the answer with exact distances. The step
-has settled when nothing is penetrated deeper than `boundary.DEPTH_OK` and every push comes from a body that is there. No
-cable may move further in one step than its distance to the nearest body (conservative advancement), so nothing is passed
-through; a step that would, or that does not settle, is halved; one whose error is above the tolerance is repeated on more
-nodes (`remesh`). History is what a step starts from: the last shape and the contacts it kept. A step that fails changes none of it.
+A round sends the present boundary conditions to the shape server and looks at the answer with exact distances. The step has settled when
+nothing is penetrated deeper than `boundary.DEPTH_OK` and every push comes from a body that is there. No cable may move further in one step
+than its distance to the nearest body (conservative advancement), so nothing is passed through; a step that would, or that does not settle,
+is halved; one whose error is above the tolerance is repeated on more nodes (`remesh`), one that one more round would change by more gets it
+(`coupling`). History is what a step starts from: the last shape and the contacts it kept. A step that fails changes none of it.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -37,6 +37,7 @@ ROUNDS_JUMP: Final = 60  # when a cable snaps to another posture, its contacts g
 HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jumps then is a jump of the cable
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
+AGAIN_MOST: Final = 3  # rounds more of a step whose shape and contacts disagree by more than the tolerance leaves
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 
@@ -80,13 +81,16 @@ class Loop:
             before = self._with_fewer_nodes(before)
         posture, done = self._go(step, goal, before, 0)
         while before is not None and remesh.are_too_coarse([cable.shape for cable in done.cables], self._stage.tolerance):
-            before = self._with_more_nodes(before, done.cables)
+            coarse = [remesh.is_too_coarse(cable.shape, self._stage.tolerance) for cable in done.cables]
+            before = self._on_nodes(before, remesh.finer, coarse)
             reached, again = self._go(step, goal, before, 0)
             again.rounds += done.rounds
             if not again.has_shapes:
                 done.rounds = again.rounds
                 break
             posture, done = reached, again
+        if before is not None:
+            done = self._once_more(step, goal, before, done)
         bill = self._meter.bill(encode=self._asker.coding - coded, total=time.perf_counter() - begun - self._meter.wait)
         stepped = Stepped(posture, done.cables, done.rounds, self._collisions, bill, done.crossed, done.coupling, audits)
         if done.has_shapes:
@@ -95,30 +99,33 @@ class Loop:
                 self._audits = self._auditor.look(step, self._stage.path.steps, self._audits, *done.answered)
         return stepped
 
-    def _with_more_nodes(self, before: Stepped, after: tuple[Hanging, ...]) -> Stepped:
-        """The last step, on twice the segments for every cable that is too coarse now."""
-        cables = [
-            self._on(index, remesh.finer(was.shape), was, before.posture) if remesh.is_too_coarse(now.shape, self._stage.tolerance) else was
-            for index, (was, now) in enumerate(zip(before.cables, after, strict=True))
-        ]
-        return replace(before, cables=tuple(cables))
+    def _once_more(self, step: int, goal: Posture, before: Stepped, done: Try) -> Try:
+        """The same step gone on with from where it ended, while one more round would change a cable by more than the tolerance leaves."""
+        for _ in range(AGAIN_MOST):
+            if remesh.are_close_enough([cable.shape for cable in done.cables], done.coupling, self._stage.tolerance):
+                break
+            _, again = self._go(step, goal, replace(before, posture=goal, cables=done.cables, crossed=done.crossed), 0)
+            done.rounds = again.rounds = done.rounds + again.rounds
+            if not again.has_shapes or max(again.coupling) >= max(done.coupling):
+                break
+            done = again
+        return done
 
     def _with_fewer_nodes(self, before: Stepped) -> Stepped:
         """The last step, on half the segments for every cable that needs no more."""
-        scene, posture = self._stage.scene, before.posture
-        cables = [
-            self._on(index, remesh.coarser(was.shape), was, posture)
-            if remesh.is_too_fine(was.shape, self._stage.grasps(scene.cables[index].name, posture), self._stage.tolerance)
-            else was
-            for index, was in enumerate(before.cables)
-        ]
-        return replace(before, cables=tuple(cables))
+        held = [self._stage.grasps(cable.name, before.posture) for cable in self._stage.scene.cables]
+        fine = [remesh.is_too_fine(was.shape, grasps, self._stage.tolerance) for was, grasps in zip(before.cables, held, strict=True)]
+        return self._on_nodes(before, remesh.coarser, fine)
 
-    def _on(self, index: int, shape: Shape, was: Hanging, posture: Posture) -> Hanging:
-        """A cable on other nodes, with what is near it there."""
-        begun, found = time.perf_counter(), looking.near(self._stage, index, shape, posture, None, self._reach)
+    def _on_nodes(self, before: Stepped, made: Callable[[Shape], Shape], chosen: list[bool]) -> Stepped:
+        """A step with the chosen cables on other nodes, and what is near them there."""
+        begun, cables = time.perf_counter(), list(before.cables)
+        for index, was in enumerate(before.cables):
+            if chosen[index]:
+                shape = made(was.shape)
+                cables[index] = Hanging(shape, was.boundary, *looking.near(self._stage, index, shape, before.posture, None, self._reach))
         self._meter.search += time.perf_counter() - begun
-        return Hanging(shape, was.boundary, *found)
+        return replace(before, cables=tuple(cables))
 
     def _go(self, step: int, goal: Posture, before: Stepped | None, depth: int) -> tuple[Posture, Try]:
         """Reach the goal in one go, or in two halves if that does not settle or could pass through a body."""

@@ -39,6 +39,12 @@ def are_too_coarse(shapes: Sequence[Shape], tolerance: float) -> bool:
     return has_all and any(is_too_coarse(shape, tolerance) for shape in shapes)
 
 
+def are_close_enough(shapes: Sequence[Shape], coupling: Sequence[float], tolerance: float) -> bool:
+    """Whether what one more round would change (c,) [m] is within what the errors leave of the tolerance; or nothing is known of it."""
+    known = [(shape.error, change) for shape, change in zip(shapes, coupling, strict=False) if shape.error is not None]
+    return all(change <= max(tolerance - error, 0.0) for error, change in known if error is not None)
+
+
 def is_too_fine(shape: Shape, grasps: Grasps, tolerance: float) -> bool:
     """Whether every second node will do; every held point must be one of them."""
     if shape.error is None or FOURFOLD * shape.error > tolerance or len(shape.frames) < 2 * SEGMENTS_LEAST or len(shape.frames) % 2:

@@ -104,8 +104,7 @@ def test_settling_by_numpy_says_so_after_every_step_and_takes_the_same_steps(nea
     begin, told = state_of(rod, np.array(start.frames)), list[int]()
     found = settle_alone(numpy_path, rod.rod, begin, near, lambda iteration, residual: told.append(iteration))
     at_once = numpy_path.settle(rod.rod, begin, near)
-    assert told == list(range(1, found.iterations + 1))
-    assert len(told) > 1
+    assert told == list(range(1, found.iterations + 1)) != []
     assert found.why == at_once.why
     assert np.array_equal(found.state.frames, at_once.state.frames)
     assert np.array_equal(found.seen.nodes, at_once.seen.nodes)
