@@ -37,7 +37,6 @@ ROUNDS_JUMP: Final = 60  # when a cable snaps to another posture, its contacts g
 HALVINGS_MAX: Final = 5  # a step is cut into at most 2^5 parts; what still jumps then is a jump of the cable
 REACH_LEAST, REACH_MOST = 2e-3, 12e-3  # m, gap within which a place is handed to the shape server
 UNSETTLED: Final = f"its contacts do not settle within {ROUNDS_JUMP} rounds, in steps {2**HALVINGS_MAX} times smaller than asked for"
-AGAIN_MOST: Final = 3  # rounds more of a step whose shape and contacts disagree by more than the tolerance leaves
 LEAST_SHARE: Final = 0.02  # of the way to a shape that is beyond a body, taken in any case
 AHEAD: Final = 1.5  # reach, in units of how far the cable went in the last step
 
@@ -101,7 +100,7 @@ class Loop:
 
     def _once_more(self, step: int, goal: Posture, before: Stepped, done: Try) -> Try:
         """The same step gone on with from where it ended, while one more round would change a cable by more than the tolerance leaves."""
-        for _ in range(AGAIN_MOST):
+        for _ in range(remesh.AGAIN_MOST):
             if remesh.are_close_enough([cable.shape for cable in done.cables], done.coupling, self._stage.tolerance):
                 break
             _, again = self._go(step, goal, replace(before, posture=goal, cables=done.cables, crossed=done.crossed), 0)

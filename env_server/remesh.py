@@ -19,6 +19,7 @@ from protocol.scene import Scene
 
 SEGMENTS_LEAST, SEGMENTS_MOST = 48, 800
 CHORD: Final = 0.2  # of its radius, that chords of a cable without bending may be off a body that it touches
+AGAIN_MOST: Final = 3  # rounds more of a step whose shape and contacts disagree by more than the tolerance leaves
 FOURFOLD: Final = 4.4  # growth of the error on every second node, with a tenth to spare
 
 
