@@ -138,8 +138,10 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
         return reading, Price(math.inf, math.inf, math.inf, spent, solved)
     before, floor = levels[-2], FLOOR * task.problem.cable.length
     gaps = [apart(*pair) for pair in pairwise(levels)]
-    is_regular = len(gaps) == 2 and (RATIO_LEAST < gaps[0] / max(gaps[1], 1e-300) < RATIO_MOST or gaps[1] < 1e3 * floor)
-    is_doubled = len(last.system.mesh.s) == 2 * len(before.system.mesh.s) - 1
+    # Where a least bend radius is reached the arc begins at a place that moves from mesh to mesh as it likes.
+    is_smooth = not last.is_kinked
+    is_regular = is_smooth and len(gaps) == 2 and (RATIO_LEAST < gaps[0] / max(gaps[1], 1e-300) < RATIO_MOST or gaps[1] < 1e3 * floor)
+    is_doubled = is_smooth and len(last.system.mesh.s) == 2 * len(before.system.mesh.s) - 1
     lying = LYING if task.budget is None else THINNED * LYING
     share = (lying if last.lies else SAFETY) / 3 if is_regular or (len(gaps) == 1 and is_doubled) else 1.0
     plain = Price(

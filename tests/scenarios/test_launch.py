@@ -51,8 +51,8 @@ class Stage:
     def command(self, name: str, arguments: Sequence[str]) -> list[str]:
         return [sys.executable, str(STAND_INS), self.behaviour.get(name, "well"), name, *arguments]
 
-    def child(self, name: str, arguments: Sequence[str], log: Path) -> Child:
-        self.children.append(Child(name, arguments, log))
+    def child(self, name: str, arguments: Sequence[str], log: Path, program: str) -> Child:
+        self.children.append(Child(name, arguments, log, program))
         self.boxes.append(log.parent)
         return self.children[-1]
 

@@ -154,7 +154,7 @@ def test_within_a_budget_a_catenary_answers_where_it_is_better() -> None:
     assert solve(Problem(cable=STIFF, grasps=span(0.6), effects={}), GRAVITY, budget=1e-3, path=KERNELS).model == "rod"
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", [*range(20), 24])  # 24 lies bent to its least radius
 def test_the_automatic_choice_keeps_the_tolerance(seed: int) -> None:
     found = compared(seed, hindsight=False)
     assert found.sentence or found.is_within, found

@@ -60,8 +60,8 @@ def test_a_journal_whose_disk_is_full_ends_the_run_in_good_order(box: Box, shape
 
 
 def test_a_run_whose_disk_is_full_ends_with_the_sentence_and_keeps_what_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def child(name: str, arguments: Sequence[str], log: Path) -> Child:
-        made = Child(name, arguments, log)
+    def child(name: str, arguments: Sequence[str], log: Path, program: str) -> Child:
+        made = Child(name, arguments, log, program)
         if name == "viz_client":
             limit(made.pid)
         return made
