@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from in_process import Direct
+from rods import GRAVITY, span
+from rods import cable as rod
 
 from env_server.hard_cases.laying import RADIUS, cable, gripper, move, plane, rough, scene, straight
 from env_server.hard_cases.meeting import hanging
 from env_server.hard_cases.playing import Played, playing
 from protocol.kinds import Friction, Hold
+from protocol.messages import Problem
 from protocol.scene import Scene, Target
+from shape_server import Follower
 
 GROWTH = 20_000  # kB; measured 20 from step 10 000 to 95 000
 
@@ -72,3 +76,21 @@ def test_a_gripper_that_goes_back_and_forth_for_a_million_steps_comes_back_to_th
         assert lasting(played, (steps // 60 - 1) * 60) < GROWTH
         assert np.abs(played.shape.nodes - first.nodes).max() < 1e-8  # m; measured 3e-16, also after 30 000 steps
         assert played.shape.total_twist == pytest.approx(first.total_twist, abs=1e-8)
+
+
+@pytest.mark.parametrize("rounds", [500, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_a_planner_that_goes_round_for_a_million_motions_comes_back_to_the_same_shape(rounds: int) -> None:
+    """A hundred motions a round, on a circle of 1 mm; a million of them take 7.5 s."""
+    held = span(0.7)
+    follower = Follower(Problem(cable=rod(), grasps=held), GRAVITY, segments=40)
+    turn = 2.0 * np.pi * np.arange(100) / 100
+    way = 1e-3 * np.column_stack([np.cos(turn), np.zeros(100), np.sin(turn)])
+    places = [held.position + np.array([[0.0], [1.0]]) * off for off in way]
+    for _ in range(2):
+        first = [follower.move(place, held.quaternion).copy() for place in places][-1]
+    early = resident()
+    for _ in range(rounds):
+        last = [follower.move(place, held.quaternion) for place in places][-1]
+        assert np.abs(last - first).max() < 1e-12  # m; measured 3.3e-16 after each of 10 000 rounds
+    assert follower.is_stable
+    assert resident() - early < GROWTH  # measured 0 kB
