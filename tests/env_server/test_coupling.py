@@ -26,17 +26,19 @@ FLOOR = 1e-7  # of the length; changes below it count as that: the shape server 
 
 
 class Watched(Loop):
-    """Keeps how every step ended, before anything is made of it."""
+    """Keeps how every attempt at a step ended, before anything is made of it."""
 
-    ended: tuple[Sequence[Hanging], Posture, tuple[float, ...]]
+    ended: dict[tuple[float, ...], tuple[Sequence[Hanging], Posture]]
 
     def _coupling(self, cables: Sequence[Hanging], asked: Sequence[Problem], goal: Posture) -> tuple[float, ...]:
-        self.ended = cables, goal, super()._coupling(cables, asked, goal)
-        return self.ended[2]
+        said = super()._coupling(cables, asked, goal)
+        self.ended = (self.ended if hasattr(self, "ended") else {}) | {said: (cables, goal)}
+        return said
 
-    def once_more(self) -> list[float]:
+    def once_more(self, said: tuple[float, ...]) -> list[float]:
         """How far [m] each cable goes when its contacts are looked at once more, and its shape is asked for again."""
-        cables, goal, _ = self.ended
+        cables, goal = self.ended[said]
+        self.ended = {}
         grasps = [self._stage.grasps(cable.name, goal) for cable in self._stage.scene.cables]
         problems = self._problems(goal, cables, grasps, None)
         shapes, _ = self._ask(0, problems, None, goal, has_moved_robot=True)
@@ -57,7 +59,7 @@ def audited(scene: Scene, last: int | None = None) -> Iterator[tuple[float, floa
         for step in range((stage.path.steps if last is None else last) + 1):
             stepped = loop.advance(step) if step else loop.first()
             assert len(stepped.coupling) == len(scene.cables)
-            for cable, said, true in zip(scene.cables, stepped.coupling, loop.once_more(), strict=True):
+            for cable, said, true in zip(scene.cables, stepped.coupling, loop.once_more(stepped.coupling), strict=True):
                 yield said / cable.length, true / cable.length
 
 
@@ -96,13 +98,15 @@ def test_a_cable_that_touches_nothing_would_change_by_what_its_residual_says() -
 
 
 def test_the_harness_says_what_one_more_round_would_change_while_it_comes_to_lie_on_the_dashboard() -> None:
-    """In steps 116 to 122 supports on facets take turns: 0.05 to 0.15 mm; said were 0.05 to 0.24 mm."""
+    """In steps 116 to 122 supports on facets take turns; where that is more than the tolerance leaves the step goes on, and settles."""
     pairs = list(audited(scenarios.load("harness_assembly"), last=124))
     coverage, pessimism, _ = judged(pairs)
     assert coverage >= 0.95  # measured 1.0
     assert pessimism <= 3.0  # measured 1.0
-    for said, true in (pairs[step] for step in (116, 120, 122)):
-        assert 3e-5 < true <= said <= 5 * true  # over 1.2 m; measured 4.6, 1.2 and 1.5 times
+    said, true = pairs[122]
+    assert 3e-5 < true <= said <= 5 * true  # over 1.2 m; measured 3.7e-5, 1.4 times
+    for said, true in (pairs[116], pairs[120]):
+        assert true <= said < 1e-9  # 2e-4 without the rounds more; measured 6e-14 and 2e-13
 
 
 @pytest.mark.slow
