@@ -22,6 +22,7 @@ from .chart import COLOURS, axes_above_each_other, svg_text
 
 FILE_NAME: Final = "effects.svg"
 LEAST: Final = 1e-6  # mm; the axis goes no further down
+NO_CHOICE: Final = "no choice"
 WORD: Final = 0.06  # of the run; reasons of shorter stretches are not written
 
 
@@ -52,6 +53,8 @@ def tracks(frames: Sequence[Frame], cables: Sequence[str]) -> list[Track]:
     """Every effect of every cable that there was a choice about."""
     found: dict[tuple[int, str], Track] = {}
     for frame in frames:
+        for audit in frame.audits:
+            found[audit.cable, audit.name].audits.append((frames[audit.step].time, audit))
         for cable, shape in enumerate(frame.shapes):
             said = {one.name: one for one in shape.predicted}
             known = {name for own, name in found if own == cable}
@@ -60,11 +63,10 @@ def tracks(frames: Sequence[Frame], cables: Sequence[str]) -> list[Track]:
                 label = name if len(cables) == 1 else f"{name} of {cables[cable]}"
                 track = found.setdefault((cable, name), Track(label))
                 track.times.append(frame.time)
-                # All that is left to choose may have been switched on by audits: then nothing is predicted any more.
-                track.states.append((name in shape.effects, AUDIT) if one is None else (one.is_on, one.why))
+                # Where nothing can be left out, as in contact, or audits have switched on all that could, nothing is predicted.
+                own = AUDIT if any(audit.is_broken for _, audit in track.audits) else NO_CHOICE
+                track.states.append((name in shape.effects, own) if one is None else (one.is_on, one.why))
                 track.sizes.append(math.nan if one is None or one.is_on else 1e3 * one.size)
-        for audit in frame.audits:
-            found[audit.cable, audit.name].audits.append((frames[audit.step].time, audit))
     return list(found.values())
 
 
@@ -84,7 +86,10 @@ def sentence(found: Sequence[Track], tolerance: float) -> str:
 
 def drawn(found: Sequence[Track], tolerance: float, told: str) -> str:
     """The picture, as the text of an SVG element."""
-    figure, above, below = axes_above_each_other((7.6, 3.4 + 0.25 * len(found)), (0.25 * len(found) + 0.2, 2.4))
+    has_bounds = not all(math.isnan(size) for track in found for size in track.sizes)
+    figure, above, below = axes_above_each_other(
+        (7.6, (3.4 if has_bounds else 1.4) + 0.25 * len(found)), (0.25 * len(found) + 0.2, 2.4 if has_bounds else 1e-3)
+    )
     whole = max(found[0].times[-1] - found[0].times[0], 1e-9)
     colours = [COLOURS[number % len(COLOURS)] for number in range(len(found))]
     for row, (track, colour) in enumerate(zip(found, colours, strict=True)):
@@ -97,6 +102,12 @@ def drawn(found: Sequence[Track], tolerance: float, told: str) -> str:
     above.set_yticks(range(len(found)), [track.name for track in found])
     above.invert_yaxis()
     above.set_title("on (full) and left out (hollow), and why", fontsize=9, loc="left")
+    figure.supxlabel(told, fontsize=8, wrap=True)
+    if not has_bounds:
+        below.remove()
+        above.tick_params(labelbottom=True)
+        above.set_xlabel("simulated time [s]")
+        return svg_text(figure)
     below.axhline(tolerance, color="#222222", linewidth=1, linestyle="--")
     below.annotate(
         "tolerance", (0.0, tolerance), xycoords=("axes fraction", "data"), xytext=(3, -9), textcoords="offset points", fontsize=7
@@ -107,7 +118,6 @@ def drawn(found: Sequence[Track], tolerance: float, told: str) -> str:
     below.set_title("bound of what is left out (lines), and what audits found (points; X: above the bound)", fontsize=9, loc="left")
     below.set_xlabel("simulated time [s]")
     below.set_ylabel("moves a node by [mm]")
-    figure.supxlabel(told, fontsize=8, wrap=True)
     return svg_text(figure)
 
 
