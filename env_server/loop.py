@@ -105,7 +105,7 @@ class Loop:
                 break
             _, again = self._go(step, goal, replace(before, posture=goal, cables=done.cables, crossed=done.crossed), 0)
             done.rounds = again.rounds = done.rounds + again.rounds
-            if not again.has_shapes or max(again.coupling) >= max(done.coupling):
+            if not again.has_shapes or max(again.coupling, default=np.inf) >= max(done.coupling):
                 break
             done = again
         return done

@@ -70,9 +70,10 @@ class _Steps:
         self.time, self.moves = np.array(times), tuple(moves)
 
     def _add(self, frame: Frame) -> None:
-        for cable, shape in zip(self.scene.cables, frame.shapes, strict=True):
+        for index, (cable, shape) in enumerate(zip(self.scene.cables, frame.shapes, strict=True)):
             for name, read in _OF_A_SHAPE.items():
-                self._keep(f"{name} {cable.name}", read(shape) if shape.outcome is Outcome.CONVERGED else UNKNOWN)
+                more = frame.coupling[index] if name == "error" and frame.coupling else 0.0
+                self._keep(f"{name} {cable.name}", read(shape) + more if shape.outcome is Outcome.CONVERGED else UNKNOWN)
         self._keep("contacts", len(frame.touching.s))
         self._keep("rounds", frame.rounds)
         self._keep("penetration", frame.penetration)
@@ -110,7 +111,8 @@ def _errors(steps: _Steps) -> Panel:
     curves = steps.curves("error estimate", "error", 1e3)
     above = sum(int((~(curve.y <= tolerance)).sum()) for curve in curves)
     said = "in every step within" if above == 0 else f"above, or not known, in {above} of {sum(len(curve.y) for curve in curves)} shapes:"
-    sentence = f"How far the nodes may be from where they belong. {_extreme(steps, curves, 'mm', np.nanargmax)}; {said} the tolerance."
+    what = "How far the nodes may be from where they belong, with what one more round would change."
+    sentence = f"{what} {_extreme(steps, curves, 'mm', np.nanargmax)}; {said} the tolerance."
     return Panel("error estimate [mm]", curves, sentence, is_logarithmic=True, limit=("tolerance", tolerance))
 
 

@@ -12,13 +12,12 @@ from protocol import recording
 
 from .chart import over_time
 from .history import History, Panel, cables_of, history
+from .page_style import STYLE
 from .painter import DIRECTORY
-from .paper_page import STYLE
 
 FILE_NAME: Final = "report.html"
 DRAWINGS: Final = ("effects.svg", "bill.svg")  # drawn beside the recording, shown here too
-GOOD, BAD = "ok", "not"
-COLOURS: Final = "span.ok{color:var(--good);font-weight:600}span.not{color:var(--bad);font-weight:600}"  # beside `STYLE`
+GOOD, BAD = "ok", "not"  # classes of `STYLE`
 
 
 def write_report(run: Path) -> Path:
@@ -33,7 +32,7 @@ def write_report(run: Path) -> Path:
     panels = "".join(_panel(panel, found) for panel in found.panels)
     page = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        f"<title>{title}</title><style>{STYLE}{COLOURS}</style></head><body><h1>{title}</h1>"
+        f"<title>{title}</title><style>{STYLE}</style></head><body><h1>{title}</h1>"
         f'<p class="lead">{html.escape(cables_of(scene.cables))}. {_surroundings(record)}. '
         '<a href="replay.html">Every step in three dimensions</a>.</p>'
         f"{_verdict(record)}{_postures(run)}"

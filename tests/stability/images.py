@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from protocol.messages import Contacts, Grasps, Problem, Shape, Start
-from protocol.scene import Vector
+from protocol.scene import Cable, Vector
 
 OVER = Rotation.from_rotvec([np.pi, 0.0, 0.0])  # of a frame, when its cable is named from the other end
 
@@ -54,13 +54,12 @@ class Image:
         x, y, z = self.directions(np.array([g]))[0].tolist()
         return (x, y, z)
 
-    def problem(self, problem: Problem) -> Problem:
-        """The problem as it looks then, in units in which g stays as it is and time too."""
-        cable, held, size = problem.cable, problem.grasps, self.length
-        stiffness = self.force * size**2
+    def cable(self, cable: Cable) -> Cable:
+        """A cable in those units."""
+        size, stiffness = self.length, self.force * self.length**2
         assert cable.bending is not None
         assert cable.twist is not None
-        changed = replace(
+        return replace(
             cable,
             length=size * cable.length,
             diameter=size * cable.diameter,
@@ -68,6 +67,10 @@ class Image:
             bending=stiffness * cable.bending,
             twist=stiffness * cable.twist,
         )
+
+    def problem(self, problem: Problem) -> Problem:
+        """The problem as it looks then, in units in which g stays as it is and time too."""
+        cable, held, changed = problem.cable, problem.grasps, self.cable(problem.cable)
         grasps = Grasps(
             s=self.places(held.s, cable.length),
             position=self.ordered(self.points(held.position)),

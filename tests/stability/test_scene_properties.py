@@ -69,9 +69,7 @@ def vector(x: np.ndarray) -> Vector:
 
 def image_of(scene: Scene, image: Image) -> Scene:
     """The scene as it looks then; sizes by `length`, forces by `force`, times as they are."""
-    cable, size, stiffness = scene.cables[0], image.length, image.force * image.length**2
-    assert cable.bending is not None
-    assert cable.twist is not None
+    cable, size = scene.cables[0], image.length
 
     def points(x: Vector) -> Vector:
         return vector(image.points(np.array([x]))[0])
@@ -95,17 +93,9 @@ def image_of(scene: Scene, image: Image) -> Scene:
         assert all(target.by is not None for target in one.targets)
         return replace(one, targets=tuple(replace(target, by=ways(target.by or (0.0, 0.0, 0.0), size)) for target in one.targets))
 
-    changed = replace(
-        cable,
-        length=size * cable.length,
-        diameter=size * cable.diameter,
-        mass_per_length=image.force / size * cable.mass_per_length,
-        bending=stiffness * cable.bending,
-        twist=stiffness * cable.twist,
-    )
     return replace(
         scene,
-        cables=(changed,),
+        cables=(image.cable(cable),),
         grippers=tuple(map(gripper, scene.grippers)),
         bodies=tuple(map(body, scene.bodies)),
         moves=tuple(map(leg, scene.moves)),

@@ -21,30 +21,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planar import BENDING, DIAMETER, planar
 from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
 
 from protocol.kinds import Hold, Outcome, SelfInteraction, SelfTouch
 from protocol.messages import CrossingReactions, Crossings, Grasps, Problem, Shape, ShapeRequest, Start
-from protocol.scene import Cable
 from shape_server import numpy_path
 from shape_server.hard_cases.posing import ALONG_X
 from shape_server.together import answers
 
-DIAMETER, BENDING = 0.02, 1e-2  # m; N m^2
 HALF, NECK = 0.15, 0.2  # m, of the distance of the loop's clamps; m, arc length of what sticks
 ENDS = np.array([[[-0.38, 0.16], [0.38, 0.12]], [[-0.37, -0.15], [0.4, -0.12]]])  # m, clamps of two cables, x and z
 STUCK = (0.45, 0.525)  # m, arc lengths on the two
-CABLE = Cable(
-    name="first",
-    length=1.0,
-    diameter=DIAMETER,
-    mass_per_length=0.0,
-    bending=100 * BENDING,
-    bending_2=BENDING,
-    twist=0.5,
-    self_interaction=SelfInteraction.BOND,
-)
+CABLE = planar("first", SelfInteraction.BOND)
 
 
 def frames(angle: np.ndarray) -> np.ndarray:

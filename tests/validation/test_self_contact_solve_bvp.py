@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from planar import BENDING, DIAMETER, planar
 from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
 
@@ -19,21 +20,11 @@ from env_server.self_boundary import NO_REACTIONS, Meeting
 from env_server.self_touch import search
 from protocol.kinds import Hold, Outcome, SelfInteraction
 from protocol.messages import Grasps, Problem, Shape, Start
-from protocol.scene import Cable
 from shape_server import solve
 from shape_server.hard_cases.posing import ALONG_X
 
-HALF, DIAMETER, BENDING = 0.05, 0.02, 1e-2  # m, of the distance of the clamps; m; N m^2
-CABLE = Cable(
-    name="c",
-    length=1.0,
-    diameter=DIAMETER,
-    mass_per_length=0.0,
-    bending=100 * BENDING,
-    bending_2=BENDING,
-    twist=0.5,
-    self_interaction=SelfInteraction.CONTACT,
-)
+HALF = 0.05  # m, of the distance of the clamps
+CABLE = planar("c", SelfInteraction.CONTACT)
 GRASPS = Grasps(
     s=np.array([0.0, 1.0]),
     position=np.array([[-HALF, 0.0, 0.0], [HALF, 0.0, 0.0]]),

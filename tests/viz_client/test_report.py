@@ -71,6 +71,12 @@ def test_frames_between_two_equilibria_are_no_steps(tmp_path: Path) -> None:
     assert "1 frame in between" in write_report(folder).read_text(encoding="utf-8")
 
 
+def test_what_one_more_round_would_change_counts_as_error(tmp_path: Path) -> None:
+    found = history(recording.read(write(tmp_path, [numbered(0), numbered(1, coupling=(2e-3,))]) / recording.FILE_NAME))
+    assert np.allclose(found.panels[0].curves[0].y, [0.01, 2.01])  # mm
+    assert "above, or not known, in 1 of 2 shapes" in found.panels[0].sentence
+
+
 def test_an_error_that_is_not_known_is_told(tmp_path: Path) -> None:
     unknown = msgspec.structs.replace(shape(1.0), error=None)
     found = history(recording.read(write(tmp_path, [numbered(0), numbered(1, shapes=(unknown,))]) / recording.FILE_NAME))
