@@ -16,6 +16,7 @@ CONTACTS_MAX: Final = 5_000
 GRASPS_MAX: Final = 100
 HUGE: Final = 1e12  # in any unit; a number beyond this is a mistake
 EXTENT_MAX: Final = 1e4  # m; a coordinate beyond this is a mistake, not a scene
+UNIT: Final = 1e-6  # off the square of a unit vector
 
 
 @lru_cache(maxsize=64)
@@ -59,15 +60,26 @@ def check_floats(key: str, array: np.ndarray, shape: tuple[int, ...], most: floa
     """Refuse an array that is not <f8 of that shape, finite, and below `most` in size."""
     if array.dtype != np.float64 or array.shape != shape:
         raise MessageError(f"{key}: {array.dtype.str} of shape {array.shape} must be <f8 of shape {shape}", key=key)
-    # A comparison with NaN is false, so this one test covers NaN and infinity as well.
-    if array.size and not max(array.max(), -array.min()) < most:
+    # Most arrays are told by the sum of their squares, in an eighth of the time. A comparison with NaN is false: both tests cover it.
+    if array.size and not np.vdot(array, array) < most * most and not max(array.max(), -array.min()) < most:
         raise MessageError(f"{key}: holds a value that is not finite, or not below {most:g}", key=key)
 
 
 def check_units(key: str, array: np.ndarray) -> None:
     """Refuse vectors that are not of length 1."""
-    if len(array) and np.abs(np.einsum("ij,ij->i", array, array) - 1.0).max() > 1e-6:
+    if not _are_units(array):
         raise MessageError(f"{key}: every vector must have length 1 to within 5e-7", key=key)
+
+
+def is_growing(array: np.ndarray) -> bool:
+    """Whether every entry is greater than the one before."""
+    return bool((array[1:] > array[:-1]).all())
+
+
+def _are_units(array: np.ndarray) -> bool:
+    """Whether the squares of all rows are 1 to within 1e-6; false where one is not finite."""
+    off = np.einsum("ij,ij->i", array, array) - 1.0
+    return not len(array) or bool(np.dot(off, off) <= UNIT**2 or np.abs(off).max() <= UNIT)
 
 
 def check_integers(key: str, array: np.ndarray, count: int, low: int, high: int) -> None:
@@ -81,5 +93,5 @@ def check_integers(key: str, array: np.ndarray, count: int, low: int, high: int)
 def check_quaternions(key: str, array: np.ndarray, count: int) -> None:
     """Refuse an array that is not `count` unit quaternions."""
     check_floats(key, array, (count, 4), 2.0)
-    if count and np.abs(np.einsum("ij,ij->i", array, array) - 1.0).max() > 1e-6:
+    if not _are_units(array):
         raise MessageError(f"{key}: every quaternion must have length 1 to within 5e-7", key=key)

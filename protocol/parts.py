@@ -18,6 +18,7 @@ from .checks import (
     check_integers,
     check_quaternions,
     check_units,
+    is_growing,
 )
 from .effects import CHOOSABLE, Predicted, check_effects
 from .errors import MessageError
@@ -46,7 +47,7 @@ class Grasps(Part, frozen=True):
         check_floats("grasps.s", self.s, (count,), EXTENT_MAX)
         check_floats("grasps.position", self.position, (count, 3), EXTENT_MAX)
         check_quaternions("grasps.quaternion", self.quaternion, count)
-        if count > 1 and not (np.diff(self.s) > 0).all():
+        if not is_growing(self.s):
             raise MessageError("grasps.s: must grow strictly; order the grasps along the cable", key="grasps.s")
 
 
@@ -155,7 +156,7 @@ class Start(Part, frozen=True):
         check_floats("start.s", self.s, (count,), EXTENT_MAX)
         check_quaternions("start.frames", self.frames, count - 1)
         check_floats("start.grasp_forces", self.grasp_forces, (len(self.grasp_forces), 3), 1e9)
-        if count < 2 or not (np.diff(self.s) > 0).all():
+        if count < 2 or not is_growing(self.s):
             raise MessageError("start.s: must grow strictly and have two nodes or more", key="start.s")
 
 
@@ -180,7 +181,7 @@ class Problem(Part, frozen=True):
         length, s = self.cable.length, self.grasps.s
         if not len(s) or s[0] < 0 or s[-1] > length:
             raise MessageError(f"grasps.s: must have an entry or more, all from 0 to the cable's length, {length:g} m", key="grasps.s")
-        if len(s) > 1 and np.diff(s).min() < 1e-6 * length:
+        if not (s[1:] - s[:-1] >= 1e-6 * length).all():
             raise MessageError(
                 f"grasps.s: two grasps are closer than {1e-6 * length:g} m along the cable; hold it at two places", key="grasps.s"
             )

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from .checks import CONTACTS_MAX, EXTENT_MAX, HUGE, check_count, check_floats, check_integers
+from .checks import CONTACTS_MAX, EXTENT_MAX, HUGE, check_count, check_floats, check_integers, is_growing
 from .errors import MessageError
 from .friction import COEFFICIENT_MAX, TABLE_MAX
 from .part import Part
@@ -35,7 +35,7 @@ class FrictionTable(Part, frozen=True):
             if not 0 < len(values) <= TABLE_MAX:
                 raise MessageError(f"table.{name}: {len(values)} entries must be 1 to {TABLE_MAX}", key=f"table.{name}")
             check_floats(f"table.{name}", values, (len(values),), HUGE)
-            if (np.diff(values) <= 0.0).any():
+            if not is_growing(values):
                 raise MessageError(f"table.{name}: must grow strictly", key=f"table.{name}")
         check_floats("table.forces", self.forces, (len(self.speeds), len(self.normals)), HUGE)
         if self.speeds[0] != 0.0 or self.normals[0] <= 0.0 or self.forces.min() < 0.0:
@@ -76,7 +76,7 @@ class Rubbing(Part, frozen=True):
         check_integers("rubbing.law", self.law, count, 0, len(self.laws) - 1)
         check_floats("rubbing.s", self.s, (count,), EXTENT_MAX)
         check_floats("rubbing.anchor", self.anchor, (count, 3), EXTENT_MAX)
-        if count and (np.diff(self.contact) <= 0).any():
+        if not is_growing(self.contact):
             raise MessageError("rubbing.contact: must grow strictly", key="rubbing.contact")
         if not 0.0 < self.time_step < TIME_STEP_MAX:
             raise MessageError(f"rubbing.time_step: {self.time_step!r} s must be positive and finite", key="rubbing.time_step")
