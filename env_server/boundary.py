@@ -86,7 +86,7 @@ class Boundary:
             poses: (surfaces, 7) Poses of all surfaces.
             time: [s] Of these poses.
         """
-        place, spacing = at_place(candidates, s), float(np.diff(s).max())
+        place, spacing = at_place(candidates, s), float((s[1:] - s[:-1]).max())
         free = ~self.bonding[candidates.body] if self.is_limp else np.ones(len(place), dtype=bool)
         for bond in self.bonds:
             free &= (candidates.body != bond.surface) | (np.abs(place - bond.s) > SAME_PLACE * spacing)
@@ -137,7 +137,7 @@ class Boundary:
         if contacts.rubbing is not None:
             rubs = np.isin(on, contacts.rubbing.contact)
             normal[rubs] = anchors.surface_normals(contacts, on[rubs], points_at(shape, where[rubs]))
-        bulge = float(shape.curvature.max()) * float(np.diff(shape.s).max()) ** 2 / 8
+        bulge = float(shape.curvature.max()) * float((shape.s[1:] - shape.s[:-1]).max()) ** 2 / 8
         if self.is_limp and len(on):  # both tangents at its bend pass a body at the radius, from which the pieces then hang away
             beside = BENT * self.radius
             near = (np.abs(shape.s[:, None] - where) < beside + np.diff(shape.s).max()).any(axis=1)
@@ -172,7 +172,7 @@ class Boundary:
 
         A place behind a point or a line, as seen from where that was touched, is beside a sharp bend at several segments from it too.
         """
-        place, spacing, out = at_place(candidates, s), float(np.diff(s).max()), np.zeros(len(candidates.gap), dtype=bool)
+        place, spacing, out = at_place(candidates, s), float((s[1:] - s[:-1]).max()), np.zeros(len(candidates.gap), dtype=bool)
         near = np.where(candidates.gap < -self.radius, BEHIND * spacing, max(spacing, BENT * self.radius)) if self.is_limp else spacing
         bends = [(bond.surface, bond.s, near + bond.drawn) for bond in self.bonds]
         if self.is_limp:  # it bends as sharply where it slides
@@ -183,7 +183,7 @@ class Boundary:
 
     def accepted(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
         """With what a step leaves that has settled: bonds, and where the cable is held."""
-        return self.anchored(contacts, shape, poses, time).bonded(poses, float(np.diff(shape.s).max()))
+        return self.anchored(contacts, shape, poses, time).bonded(poses, float((shape.s[1:] - shape.s[:-1]).max()))
 
     def anchored(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:
         """With the cable held where it now rubs, and nothing drawn through, once a step has settled."""
@@ -263,5 +263,6 @@ class Boundary:
 
 def at_place(candidates: Candidates, s: np.ndarray) -> np.ndarray:
     """Arc lengths (m,) [m] of places, from those of the nodes (n,) [m]."""
-    place: np.ndarray = s[candidates.segment] + candidates.fraction * np.diff(s)[candidates.segment]
+    before = s[candidates.segment]
+    place: np.ndarray = before + candidates.fraction * (s[candidates.segment + 1] - before)
     return place

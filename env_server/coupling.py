@@ -58,19 +58,20 @@ def change(shape: Shape, boundary: Boundary, near: Candidates, asked: Contacts |
     """
     if boundary.is_limp:
         return _by_sag(shape, boundary, near, asked, grasps, poses)
-    s, shift = _pushed(shape, boundary, near, asked)
-    entered = _entered(shape, near, asked)
+    segment = float((shape.s[1:] - shape.s[:-1]).max())
+    s, shift = _pushed(shape, boundary, near, asked, segment)
+    entered = _entered(shape, near, asked, segment)
     s, shift = np.concatenate([s, entered[0]]), np.concatenate([shift, entered[1]])
     return SWING * _swing(shape, grasps, s, shift) + _left(shape)
 
 
-def _pushed(shape: Shape, boundary: Boundary, near: Candidates, asked: Contacts | None) -> tuple[np.ndarray, np.ndarray]:
+def _pushed(shape: Shape, boundary: Boundary, near: Candidates, asked: Contacts | None, segment: float) -> tuple[np.ndarray, np.ndarray]:
     """Where one-sided rows push (p,) [m], and by how much the place that would take their turn shifts the cable there (p,) [m]."""
     if asked is None:
         return np.zeros(0), np.zeros(0)
     on = np.flatnonzero(np.einsum("ij,ij->i", shape.contact_forces, shape.contact_forces) > 0.0)
     on = on[asked.friction[on] != BONDED]
-    s, segment = shape.contact_s[on], float(np.diff(shape.s).max())
+    s = shape.contact_s[on]
     if not len(on) or not len(near.gap):
         return s, np.zeros(len(on))
     x, radius = points_at(shape, s), boundary.radius
@@ -86,7 +87,7 @@ def _pushed(shape: Shape, boundary: Boundary, near: Candidates, asked: Contacts 
     return s, np.where(nearest[:, 0] < BESIDE * segment, shift[rows, chosen], 0.0)
 
 
-def _entered(shape: Shape, near: Candidates, asked: Contacts | None) -> tuple[np.ndarray, np.ndarray]:
+def _entered(shape: Shape, near: Candidates, asked: Contacts | None, segment: float) -> tuple[np.ndarray, np.ndarray]:
     """Where the cable is in a body without a row that says so (p,) [m], and how deep (p,) [m]."""
     within = np.flatnonzero(near.gap < 0.0)
     s, depth = at_place(near, shape.s)[within] if len(within) else np.zeros(0), -near.gap[within]
@@ -94,7 +95,7 @@ def _entered(shape: Shape, near: Candidates, asked: Contacts | None) -> tuple[np
         return s, depth
     x = points_at(shape, s)
     own = _gap(x[:, None], asked.feature, asked.point, asked.normal, asked.direction) - asked.distance  # (p, rows)
-    same = (asked.body == near.body[within, None]) & (np.abs(shape.contact_s - s[:, None]) < SAME * float(np.diff(shape.s).max()))
+    same = (asked.body == near.body[within, None]) & (np.abs(shape.contact_s - s[:, None]) < SAME * segment)
     unlike = np.where(same, np.abs(own + depth[:, None]), np.inf).min(axis=1, initial=np.inf)
     return s, np.minimum(depth, unlike)
 
@@ -120,34 +121,42 @@ def _swing(shape: Shape, grasps: Grasps, s: np.ndarray, shift: np.ndarray) -> fl
             supports.append((at, by, False))
     supports.sort()
     at, by = (np.array([one[k] for one in supports]) for k in (0, 1))
-    return max(
-        _deflection(at, by, np.array([one[2] for one in supports]), (float(shape.s[0]), float(shape.s[-1]))), float(np.abs(shift).max())
-    )
+    return max(_deflection(at, by, [one[2] for one in supports], (float(shape.s[0]), float(shape.s[-1]))), float(np.abs(shift).max()))
 
 
-def _deflection(at: np.ndarray, by: np.ndarray, is_clamped: np.ndarray, ends: tuple[float, float]) -> float:
+def _deflection(at: np.ndarray, by: np.ndarray, is_clamped: list[bool], ends: tuple[float, float]) -> float:
     """Largest magnitude [m] of the cubic spline through shifts (n,) [m] at (n,) [m], straight beyond them to the ends of the cable."""
-    span, count = np.diff(at), len(at)
-    system, right = np.zeros((count, count)), np.zeros(count)
-    for k, length in enumerate(span):  # no moment is left over at a support that turns
-        chord = 6.0 * (by[k + 1] - by[k]) / length**2
-        for own, other in ((k, k + 1), (k + 1, k)):
-            system[own, own] += 4.0 / length
-            system[own, other] += 2.0 / length
-            right[own] += chord
-    system[is_clamped], right[is_clamped] = np.eye(count)[is_clamped], 0.0
-    slope = np.linalg.solve(system, right) if count > 1 else np.zeros(1)
+    span, slope = at[1:] - at[:-1], _slopes(at.tolist(), by.tolist(), is_clamped)
     u, v = SEEN, 1.0 - SEEN
     between = (1.0 + 2.0 * u) * v * v * by[:-1] + (1.0 + 2.0 * v) * u * u * by[1:] + u * v * span * (v * slope[:-1] - u * slope[1:])
     beyond = by[0] + slope[0] * (ends[0] - at[0]), by[-1] + slope[-1] * (ends[1] - at[-1])
     return float(max(np.abs(between).max(initial=0.0), np.abs(beyond).max()))
 
 
+def _slopes(at: list[float], by: list[float], is_clamped: list[bool]) -> np.ndarray:
+    """Slopes (n,) of that spline at its supports, by elimination from the first to the last: no moment is left over where it turns."""
+    count = len(at)
+    upper, right = [0.0] * count, [0.0] * count
+    for k in range(count):
+        own, before, after, wanted = 0.0, 0.0, 0.0, 0.0
+        for other in (k - 1, k + 1) if not is_clamped[k] else ():
+            if 0 <= other < count:
+                length = abs(at[other] - at[k])
+                own += 4.0 / length
+                wanted += 6.0 * (by[max(other, k)] - by[min(other, k)]) / length**2
+                before, after = (2.0 / length, after) if other < k else (before, 2.0 / length)
+        pivot = own - before * upper[k - 1] if own > 0.0 else 1.0
+        upper[k], right[k] = after / pivot, (wanted - before * right[k - 1]) / pivot
+    for k in range(count - 2, -1, -1):
+        right[k] -= upper[k] * right[k + 1]
+    return np.array(right)
+
+
 def _by_sag(shape: Shape, boundary: Boundary, near: Candidates, asked: Contacts | None, grasps: Grasps, poses: np.ndarray) -> float:
     """The same for a cable without bending."""
     if asked is None:
         return 0.0
-    s, shift = _pushed(shape, boundary, near, asked)
+    s, shift = _pushed(shape, boundary, near, asked, float((shape.s[1:] - shape.s[:-1]).max()))
     stops = [(float(at), 0.0) for at in grasps.s] + [(float(at), abs(float(by))) for at, by in zip(s, shift, strict=True)]
     bonded = np.flatnonzero((asked.friction == BONDED) & (np.einsum("ij,ij->i", shape.contact_forces, shape.contact_forces) > 0.0))
     for row, bond in zip(bonded, boundary.bonds, strict=True):
