@@ -51,15 +51,14 @@ def balanced(
     out[:, :3] -= (loads.sum(axis=0) + out[:, :3].sum(axis=0) + contact_forces.sum(axis=0)) / len(out)
     arms = held - held.mean(axis=0)
     others = cross_sum(nodes, loads) + contact_moment
-    framed = _framed(problem)
-    columns = [_cross(arm) / length for arm in arms] + [np.eye(3)] * int(framed.sum())
+    framed = [k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE]
+    lacking = -(_moment(out, held) + others) / length
     # Forces change by amounts that add up to nothing: their arms count from the middle of all grasps.
-    change = np.linalg.lstsq(np.hstack(columns), -(_moment(out, held) + others) / length, rcond=1e-9)[0].reshape(-1, 3)
-    force = change[: len(out)] - change[: len(out)].mean(axis=0)
-    out[:, :3] += force
-    out[framed, 3:] += length * change[len(out) :]
-    if framed.any():
-        out[framed, 3:] -= (_moment(out, held) + others) / framed.sum()
+    change = _least(arms / length, len(framed), lacking)
+    out[:, :3] += change[: len(out)] - change[: len(out)].sum(axis=0) / len(out)
+    if framed:
+        out[framed, 3:] += length * change[len(out) :]
+        out[framed, 3:] -= (_moment(out, held) + others) / len(framed)
     return out
 
 
@@ -68,7 +67,7 @@ def swung(problem: Problem, held: np.ndarray, nodes: np.ndarray, loads: np.ndarr
     middle, length = held.mean(axis=0), problem.cable.length
     _, sizes, directions = np.linalg.svd(held - middle)
     wide = int((sizes > IN_LINE * length).sum())
-    if _framed(problem).any() or wide > 1:
+    if wide > 1 or any(hold is not Hold.HINGE for hold in problem.grasps.hold):
         return nodes
     from scipy.spatial.transform import Rotation  # here: 0.2 s that others do without
 
@@ -83,9 +82,16 @@ def swung(problem: Problem, held: np.ndarray, nodes: np.ndarray, loads: np.ndarr
     return nodes
 
 
-def _framed(problem: Problem) -> np.ndarray:
-    """Which grasps (g,) take a moment."""
-    return np.array([hold is not Hold.HINGE for hold in problem.grasps.hold])
+def _least(arms: np.ndarray, framed: int, lacking: np.ndarray) -> np.ndarray:
+    """The smallest forces (g, 3) at arms (g, 3), and moments (framed, 3) after them, whose sum of moments is `lacking` (3,)."""
+    if not framed:
+        columns = np.hstack([_cross(arm) for arm in arms])
+        least: np.ndarray = np.linalg.lstsq(columns, lacking, rcond=1e-9)[0].reshape(-1, 3)
+        return least
+    # The normal equations of forces a x f and moments: (sum (a.a I - a a^T) + framed I) y = lacking, f = y x a.
+    own = framed + np.vdot(arms, arms)
+    y = np.linalg.solve(np.diag([own, own, own]) - arms.T @ arms, lacking)
+    return np.vstack([arms @ _cross(y).T, np.tile(y, (framed, 1))])
 
 
 def _moment(wrenches: np.ndarray, held: np.ndarray) -> np.ndarray:

@@ -58,25 +58,28 @@ def _read(problem: Problem, system: System, found: Settled, path: ModuleType, mo
     """Read a rod whose clamps bear moments (c, 3) [N m], and which stores energy, that its cells do not tell of."""
     rod, state, view = system.rod, found.state, found.seen
     tension, curvature, twist, moments = path.section_forces(rod, state, view)
-    wrenches = np.zeros((len(problem.grasps.s), 6))
-    contact_forces = np.zeros((0 if problem.contacts is None else len(problem.contacts.s), 3))
+    contacts, loads = problem.contacts, rod.loads.sum(axis=0)
+    wrenches, contact_forces = np.zeros((len(problem.grasps.s), 6)), np.zeros((0 if contacts is None else len(contacts.s), 3))
     pulls = state.force[:, None] * rod.held.rows["axis"]
     last = len(system.row_grasp) - rod.held.inclined  # rows of inclination come last, before them those of bonds
     on_grasp = last - 3 * len(system.bond_contact)
     np.add.at(wrenches[:, :3], system.row_grasp[:on_grasp], pulls[:on_grasp])
     if len(contact_forces):
-        np.add.at(contact_forces, system.bond_contact[rod.held.rows["bond"][on_grasp:last]], pulls[on_grasp:last])
+        if on_grasp < last:
+            np.add.at(contact_forces, system.bond_contact[rod.held.rows["bond"][on_grasp:last]], pulls[on_grasp:last])
         pushing = slice(0, system.body_rows)
-        np.add.at(contact_forces, rod.touch["contact"][pushing], (state.push[:, None] * view.push)[pushing])
-        contact_forces[rod.rub.rows["contact"]] += np.einsum("fa,fax->fx", state.drag, rod.rub.rows["axes"])
+        np.add.at(contact_forces, rod.touch["contact"][pushing], state.push[pushing, None] * view.push[pushing])
+        if len(state.drag):
+            contact_forces[rod.rub.rows["contact"]] += np.einsum("fa,fax->fx", state.drag, rod.rub.rows["axes"])
     wrenches[[k for k, hold in enumerate(problem.grasps.hold) if hold is not Hold.HINGE], 3:] = moments + more_moments
     # The base has no rows: its force is what is left over from all others.
-    wrenches[system.base, :3] = -(rod.loads.sum(axis=0) + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
-    held = view.nodes[system.mesh.grasp_nodes]
-    contact_s = contact_places(problem, system, found)
-    places = _on_axis(view.nodes, *system.mesh.locate(contact_s))
-    contact_moments = _contact_moments(system, found, len(contact_forces), path) - _crosses(places, contact_forces)
-    moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces) + system.couple
+    wrenches[system.base, :3] = -(loads + wrenches[:, :3].sum(axis=0) + contact_forces.sum(axis=0))
+    held, contact_s = view.nodes[system.mesh.grasp_nodes], contact_places(problem, system, found)
+    contact_moments, moment = np.zeros((0, 3)), system.couple
+    if len(contact_forces):
+        places = _on_axis(view.nodes, *system.mesh.locate(contact_s))
+        contact_moments = _contact_moments(system, found, len(contact_forces), path) - _crosses(places, contact_forces)
+        moment = contact_moments.sum(axis=0) + cross_sum(places, contact_forces) + moment
     wrenches = balanced(problem, held, view.nodes, rod.loads, wrenches, contact_forces, moment)
     energy = float(path.energy(rod, state, view)) + more_energy
     if len(rod.give):
@@ -101,6 +104,8 @@ def self_places(system: System, found: Settled) -> Array:
     """Where along the cable it touches itself, (k, 2) [m]."""
     mesh = system.mesh
     first, many = len(found.state.push), len(system.rod.strands.distance)
+    if not many:
+        return np.zeros((0, 2))
     places = found.state.fraction[first : first + 2 * many].reshape(-1, 2)
     return np.asarray(np.interp(places, np.arange(len(mesh.s)), mesh.s))
 
@@ -113,8 +118,9 @@ def _contact_moments(system: System, found: Settled, count: int, path: ModuleTyp
     """
     rod, state, view = system.rod, found.state, found.seen
     last = len(rod.held.rows) - rod.held.inclined
-    out, bonds = np.zeros((count, 3)), np.flatnonzero(rod.held.rows["bond"][:last] >= 0)
-    if len(bonds):
+    out = np.zeros((count, 3))
+    if len(system.bond_contact):
+        bonds = np.flatnonzero(rod.held.rows["bond"][:last] >= 0)
         pulls = state.force[bonds, None] * rod.held.rows["axis"][bonds]
         moments = _crosses(_on_axis(view.nodes, rod.held.rows["element"][bonds], rod.held.rows["fraction"][bonds]), pulls)
         np.add.at(out, system.bond_contact[rod.held.rows["bond"][bonds]], moments)

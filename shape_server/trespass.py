@@ -31,9 +31,10 @@ def trespass(contacts: Contacts, s: Array, nodes: Array) -> tuple[float, float, 
         return 0.0, 0.0, -1
     point, along, extent = contacts.point[chosen], contacts.direction[chosen], contacts.extent[chosen]
     # Only segments with a node nearer to the line than that segment is long can pass it.
-    x, y, z = (nodes[:, k, None] - point[:, k] for k in range(3))  # (n, m) each: an axis of three would cost five times as much
-    away = x * x + y * y + z * z - (x * along[:, 0] + y * along[:, 1] + z * along[:, 2]) ** 2
-    near = np.minimum(away[:-1], away[1:]) < (contacts.distance[chosen] + np.diff(s)[:, None]) ** 2
+    q, r, size = nodes - point[0], point - point[0], (s[1:] - s[:-1])[:, None]
+    square = _dot(q, q)[:, None] - 2.0 * q @ r.T + _dot(r, r)
+    away = square - (q @ along.T - _dot(r, along)) ** 2
+    near = np.minimum(away[:-1], away[1:]) < (contacts.distance[chosen] + size) ** 2
     segment, k = np.nonzero(near)
     if not len(segment):
         return 0.0, 0.0, -1
@@ -50,11 +51,21 @@ def trespass(contacts: Contacts, s: Array, nodes: Array) -> tuple[float, float, 
 def _apart(a: Array, u: Array, b: Array, v: Array) -> tuple[Array, Array]:
     """Distances (k,) [m] of segments a + x u and b + y v, rows (k, 3) each, and x (k,); v may be zero."""
     w = a - b
-    uu, uv, vv = (u * u).sum(axis=1), (u * v).sum(axis=1), np.maximum((v * v).sum(axis=1), 1e-300)
-    uw, vw = (u * w).sum(axis=1), (v * w).sum(axis=1)
+    uu, uv, vv = _dot(u, u), _dot(u, v), np.maximum(_dot(v, v), 1e-300)
+    uw, vw = _dot(u, w), _dot(v, w)
     det = uu * vv - uv * uv
-    x = np.where(det > 1e-12 * uu * vv, np.clip((uv * vw - vv * uw) / np.where(det > 0.0, det, 1.0), 0.0, 1.0), 0.0)
-    y = np.clip((vw + x * uv) / vv, 0.0, 1.0)
-    x = np.clip((y * uv - uw) / uu, 0.0, 1.0)
+    x = np.where(det > 1e-12 * uu * vv, _share((uv * vw - vv * uw) / np.where(det > 0.0, det, 1.0)), 0.0)
+    y = _share((vw + x * uv) / vv)
+    x = _share((y * uv - uw) / uu)
     apart = w + x[:, None] * u - y[:, None] * v
-    return np.sqrt((apart * apart).sum(axis=1)), x
+    return np.sqrt(_dot(apart, apart)), x
+
+
+def _share(x: Array) -> Array:
+    """Within 0 and 1; for arrays this short np.clip takes thrice as long."""
+    return np.minimum(np.maximum(x, 0.0), 1.0)
+
+
+def _dot(first: Array, second: Array) -> Array:
+    """Scalar products (k,) of rows (k, 3)."""
+    return np.asarray(np.einsum("kx,kx->k", first, second))

@@ -102,16 +102,13 @@ def thinned(contacts: Contacts, groups: Grouped, mesh: Mesh) -> Grouped:
 
 def _by_feature(contacts: Contacts, chosen: np.ndarray, rows: list[int], push: list[float]) -> list[list[int]]:
     """Rows of `chosen` with edges and vertices, grouped by the line or point that they touch, the strongest first in each group."""
-    groups: list[tuple[tuple[float, ...], list[int]]] = []
-    for _, own in sorted(zip(push, rows, strict=True), key=lambda item: (-item[0], item[1])):
-        row = int(chosen[own])
-        feature = (
-            float(contacts.feature[row]),
-            float(contacts.body[row]),
-            *contacts.point[row].tolist(),
-            *contacts.direction[row].tolist(),
-        )
-        near = 1e-9 + 1e-6 * float(contacts.distance[row])
+    groups: list[tuple[list[float], list[int]]] = []
+    index = chosen[rows]
+    told = np.column_stack(
+        [contacts.feature[index], contacts.body[index], contacts.point[index], contacts.direction[index], contacts.distance[index]]
+    )
+    for _, own, (*feature, distance) in sorted(zip(push, rows, told.tolist(), strict=True), key=lambda item: (-item[0], item[1])):
+        near = 1e-9 + 1e-6 * distance
         for known, group in groups:
             if _is_same_feature(feature, known, near):
                 group.append(own)
@@ -121,7 +118,7 @@ def _by_feature(contacts: Contacts, chosen: np.ndarray, rows: list[int], push: l
     return [group for _, group in groups]
 
 
-def _is_same_feature(one: tuple[float, ...], other: tuple[float, ...], near: float) -> bool:
+def _is_same_feature(one: list[float], other: list[float], near: float) -> bool:
     """Whether two features (kind, body, point, direction) are one point, or lie on one line, to within `near` [m]."""
     if one[:2] != other[:2]:
         return False
