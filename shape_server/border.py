@@ -32,16 +32,17 @@ class Border(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
+def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     """All rows at a state.
 
-    Contacts are those that may push: all of them with exact rows, for which `soft` is (0, 0); those that touch otherwise, with
-    `soft` [m/N] the compliances of held points and contacts, whose forces already balance (augmented Lagrangian).
+    Contacts are those that may push: with exact rows, for which `soft` is (0, 0), all that push or have a gap of `near` [m] at most.
+    Otherwise they are those that touch, and `soft` [m/N] are the compliances of held points and contacts, whose forces already balance
+    (augmented Lagrangian).
     """
     is_exact = soft[0] == 0.0
     points, bond = rod.held.rows, rod.held.rows["bond"]
     held = np.array([row for row in range(len(bond)) if is_active(bond, state.holds, row)], dtype=np.int64)
-    contacts = np.arange(len(state.touches)) if is_exact else np.flatnonzero(state.touches)
+    contacts = np.flatnonzero(~is_far(state, view, near)) if is_exact else np.flatnonzero(state.touches)
     bent, rows, saddles = _bent(rod, state, view)
     rubs = np.arange(len(state.ease)) if is_exact else np.flatnonzero(state.ease > 0.0)
     first, last = len(held), len(held) + len(contacts)
@@ -82,6 +83,15 @@ def border_rows(rod, state, view, soft):  # type: ignore[no-untyped-def]
         _add_rubs(rod, state, view, rubs, hard if is_exact else 0.0, at, element, fraction, vector, compliance, residual)
     saddles += (stiffness > 0.0).sum()
     return Border(element, fraction, vector, is_turn, compliance, residual, held, contacts, rubs, saddles, spread, inclined)
+
+
+@njit(cache=True, error_model="numpy")
+def is_far(state, view, near):  # type: ignore[no-untyped-def]
+    """Which contacts (m,) are open by more than `near` [m]."""
+    far = np.zeros(len(state.push), dtype=np.bool_)
+    for row in range(len(far)):
+        far[row] = state.push[row] == 0.0 and not state.touches[row] and view.gap[row] > near
+    return far
 
 
 @njit(cache=True, error_model="numpy")

@@ -239,7 +239,7 @@ def _part(path: ModuleType, rod: Rod, state: State, view: View, couples: Array, 
     gradient -= couples
     diagonal += blocks
     path.fix_gauge(rod, diagonal, shift)
-    border = path.border_rows(rod, state, view, EXACT)
+    border = path.border_rows(rod, state, view, EXACT, np.inf)
     matrix = path.border_columns(rod, view, border, carried, diagonal)
     columns = np.concatenate([matrix, more], axis=2)
     right = np.ascontiguousarray(np.concatenate([columns, gradient[:, :, None]], axis=2))

@@ -19,7 +19,7 @@ from .contact_geometry import FACE
 from .descent import settle_or_relax
 from .equilibrium import DONE, WHY, Settled
 from .first_shape import from_grasps
-from .following import SHORT, STEPS, follow, follow_nested, hold_at
+from .following import SHORT, STEPS, follow, follow_nested, follow_touching
 from .mesh import doubled, even, stops
 from .reading import contact_places, read
 from .rod import Rod, State
@@ -107,13 +107,13 @@ class Follower:
 
     def _move_touching(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, int]:
         """Nodes and verdict, as from `follow`, with contacts."""
-        hold_at(self._rod, self._held, position, quaternion)
-        found = Settled(*kernels.settle(self._rod, self._state, 0.0))
-        if found.is_converged and self._passes(found):
+        found, is_lost, has_slid = follow_touching(self._rod, self._held, self._state, position, quaternion, self._segments)
+        if found.is_converged and is_lost and self._passes(found):
             raise CablecosimError("the cable slides over an edge or a vertex by more than a segment; move the grasps by less")
         if found.is_converged:
-            self._state = State(*found.state)
-            self._keep_up(found)
+            self._state = found.state
+            if has_slid:
+                self._keep_up(found)
         return found.seen.nodes, int(found.is_stable) if found.is_converged else -1
 
     def _passes(self, found: Settled) -> bool:
@@ -141,14 +141,11 @@ class Follower:
         return False
 
     def _keep_up(self, found: Settled) -> None:
-        """Let the rows of edges and vertices go along with the place where they are touched, one segment at a time."""
-        contacts, mesh = self._problem.contacts, self._mesh
+        """Let the rows of edges and vertices go along with the places where they are touched, one segment at a time."""
+        contacts = self._problem.contacts
         assert contacts is not None
-        if not self._slides:
-            return
         s = np.where(contacts.feature == FACE, contacts.s, contact_places(self._problem, self._system, found))
-        if (mesh.locate(s)[0] != self._segments).any():
-            self.touch(msgspec.structs.replace(contacts, s=s, force=read(self._problem, self._system, found, kernels).contact_forces))
+        self.touch(msgspec.structs.replace(contacts, s=s, force=read(self._problem, self._system, found, kernels).contact_forces))
 
     def touch(self, contacts: Contacts | None) -> None:
         """Give other contacts, with the forces to start from; the next motion finds out which of them push."""
@@ -197,7 +194,6 @@ class Follower:
         ends = [mesh.s[node] for node in (0, -1) if rod.clamp_of_node[node] >= 0]
         self._between = (np.sort(np.append(0.5 * (mesh.s[1:] + mesh.s[:-1]), ends)), 0.5 * (finer.s[1:] + finer.s[:-1]))
         contacts = problem.contacts
-        self._slides = contacts is not None and bool((contacts.feature != FACE).any())
         self._segments = mesh.locate(contacts.s)[0] if contacts is not None else np.zeros(0, dtype=np.int64)  # of every contact
         self._clamped = _Clamped(rod, self._finer, state, self._between) if is_clamped(problem) else None
 

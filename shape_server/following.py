@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 from .chain import combined_nodes, directors, interpolate_frames, retract
-from .equilibrium import EXACT
+from .contact_geometry import FACE
+from .equilibrium import EXACT, settle
 from .newton import newton_step
 from .rod import State, look
 
@@ -75,6 +76,33 @@ def _settled(rod, state, short, steps):  # type: ignore[no-untyped-def]
         if longest < short:
             return state, view.nodes, 1 if step.is_stable else 0
     return state, view.nodes, -1
+
+
+@njit(cache=True)
+def follow_touching(rod, held, state, position, quaternion, segments):  # type: ignore[no-untyped-def]
+    """Move the grasps, and settle from a state, which stays as it is, with contacts that were on `segments` (m,).
+
+    Returns:
+        `Settled`, whether an edge or a vertex does not push any more, and whether one is touched from another segment.
+    """
+    hold_at(rod, held, position, quaternion)
+    found = settle(rod, state, 0.0)
+    force, moment, pushed = np.zeros(len(segments)), np.zeros(len(segments)), np.zeros(len(segments), dtype=np.bool_)
+    s = np.append(0.0, np.cumsum(rod.lengths))
+    for row in range(len(state.push)):
+        contact, segment, push = rod.touch["contact"][row], rod.touch["element"][row], found.state.push[row]
+        if rod.touch["feature"][row] != FACE:
+            pushed[contact] |= state.push[row] > 0.0
+            force[contact] += push
+            moment[contact] += push * (s[segment] + found.state.fraction[row] * rod.lengths[segment])
+    is_lost, has_slid, last = False, False, len(rod.lengths) - 1
+    for contact in range(len(segments)):
+        if force[contact] > 0.0:
+            place, segment = moment[contact] / force[contact], segments[contact]
+            has_slid |= not (s[segment] <= place < s[segment + 1] or (segment == last and place >= s[last]))
+        else:
+            is_lost |= pushed[contact]
+    return found, is_lost, has_slid
 
 
 @njit(cache=True)

@@ -43,7 +43,7 @@ def mend(rod, state, view):  # type: ignore[no-untyped-def]
     """
     slope, moments, energy = lacking(rod, state)
     carried, _, diagonal, upper, beyond = linear_system(rod, state, view)
-    border = border_rows(rod, state, view, EXACT)
+    border = border_rows(rod, state, view, EXACT, np.inf)
     matrix = border_columns(rod, view, border, carried, diagonal)
     count, many = len(border.element), len(rod.lengths)
     right = np.empty((many, 3, count + 1))

@@ -26,7 +26,7 @@ def smallest_stiffness(rod, state, view):  # type: ignore[no-untyped-def]
     count = len(rod.lengths)
     carried, _, diagonal, upper, beyond = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, 0.0)
-    border = border_rows(rod, state, view, (0.0, 0.0))
+    border = border_rows(rod, state, view, (0.0, 0.0), np.inf)
     matrix = border_columns(rod, view, border, carried, diagonal)
     kept = np.array([k for k in range(len(border.element)) if not _is_open(border, state, k)], dtype=np.int64)
     many, modes, size = len(kept), min(MODES, 3 * count), 3 * count

@@ -21,16 +21,17 @@ from numba import njit
 from .axial import add_give
 from .band import eliminate
 from .bend_limit import add_limit
-from .border import SOFTNESS, border_rows
+from .border import SOFTNESS, border_rows, is_far
 from .chain import carried_forces
 from .closing import close
 from .elimination import columns
-from .rod import node_forces
+from .rod import is_active, node_forces
 from .smoothing import add_smoothing
 from .stick_slip import close_rubbing
 from .strand_rows import add_spread
 from .vertices import assemble
 
+AHEAD = 2.0  # times how far held points and contacts are off: a contact open by more is not expected to close in this step
 NOT_ROUND = 1e-5  # of the stiffness that holds the roll of a round cable
 
 
@@ -113,10 +114,65 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
             exact rows.
         shift: [N] Added to the Hessian, times the length of each segment.
     """
+    near = np.inf
+    if soft[0] == 0.0 and len(state.push) > 0 and len(rod.rub.rows) + len(rod.strands.distance) + len(rod.give) == 0:
+        near = AHEAD * _farthest_off(rod, state, view)
+    step = _step(rod, state, view, soft, shift, near)
+    if near < np.inf and _closes_more(rod, state, view, step, near):
+        step = _step(rod, state, view, soft, shift, np.inf)
+    return step
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest_off(rod, state, view):  # type: ignore[no-untyped-def]
+    """Largest distance [m] of a held point from its goal, or of a contact that pushes or is passed from its plane."""
+    most, bond = 0.0, rod.held.rows["bond"]
+    for row in range(len(view.miss)):
+        if is_active(bond, state.holds, row):
+            most = max(most, abs(view.miss[row]))
+    for row in range(len(view.gap)):
+        most = max(most, abs(view.gap[row]) if state.push[row] > 0.0 else -view.gap[row])
+    return most
+
+
+@njit(cache=True, error_model="numpy")
+def _closes_more(rod, state, view, step, near):  # type: ignore[no-untyped-def]
+    """Whether a step closes a contact that was left out of it because it was open by more than `near` [m]."""
+    left = np.flatnonzero(is_far(state, view, near))
+    if len(left) == 0:
+        return False
+    moved = _moved(rod, view, step.turn)
+    for row in left:
+        gap, segment, share = view.gap[row], rod.touch["element"][row], state.fraction[row]
+        couple = _couple(view.axes[segment], view.normal[row], view.numbers[row, 2])
+        gap += couple[0] * step.turn[segment, 0] + couple[1] * step.turn[segment, 1]
+        for k in range(3):
+            gap += view.push[row, k] * ((1.0 - share) * moved[segment, k] + share * moved[segment + 1, k])
+        if gap < 0.0:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _moved(rod, view, turn):  # type: ignore[no-untyped-def]
+    """Displacements (n, 3) [m] of the nodes by small turns (n-1, 3) [rad] of the segments about their own axes."""
+    moved = np.zeros((len(turn) + 1, 3))
+    for j in range(rod.base, len(turn)):
+        for k in range(3):
+            moved[j + 1, k] = moved[j, k] + view.lengths[j] * (turn[j, 1] * view.axes[j, 0, k] - turn[j, 0] * view.axes[j, 1, k])
+    for j in range(rod.base - 1, -1, -1):
+        for k in range(3):
+            moved[j, k] = moved[j + 1, k] - view.lengths[j] * (turn[j, 1] * view.axes[j, 0, k] - turn[j, 0] * view.axes[j, 1, k])
+    return moved
+
+
+@njit(cache=True, error_model="numpy")
+def _step(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-def]
+    """The step, without the contacts that are open by more than `near` [m]."""
     carried, gradient, diagonal, upper, beyond = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, shift)
     is_exact = soft[0] == 0.0
-    border = border_rows(rod, state, view, soft)
+    border = border_rows(rod, state, view, soft, near)
     matrix = border_columns(rod, view, border, carried, diagonal)
     count, held, contacts = len(border.element), border.held, border.contacts
     right = np.empty((len(gradient), 3, count + 1))

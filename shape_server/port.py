@@ -67,7 +67,7 @@ def port(system: System, state: State, path: ModuleType) -> Port:
         raise CablecosimError("a port is the clamp at the end of a cable that is held elsewhere too; add a grasp, or turn the cable round")
     state, view = path.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     carried, _, diagonal, upper, _ = path.linear_system(rod, state, view)
-    border = path.border_rows(rod, state, view, EXACT)
+    border = path.border_rows(rod, state, view, EXACT, np.inf)
     matrix = path.border_columns(rod, view, border, carried, diagonal)
     kept = np.ones(len(border.element), dtype=bool)
     kept[len(border.held) : len(border.held) + len(border.contacts)] = state.touches[border.contacts]

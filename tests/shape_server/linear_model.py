@@ -76,7 +76,7 @@ def model(system: System, state: State) -> Model:
     rod = system.rod
     moved, view = look(system, state)
     carried, gradient, diagonal, upper, beyond = numpy_path.linear_system(rod, moved, view)
-    border = numpy_path.border_rows(rod, moved, view, (1.0, 1.0))
+    border = numpy_path.border_rows(rod, moved, view, (1.0, 1.0), np.inf)
     columns = numpy_path.border_columns(rod, view, border, carried, diagonal).reshape(gradient.size, -1)
     hessian = np.zeros((gradient.size, gradient.size))
     for i in range(len(gradient)):

@@ -235,7 +235,7 @@ def test_the_rows_of_friction_change_with_turns_as_their_columns_say() -> None:
     state = system.start(frames)
     moved, view = look(system, state)
     carried, _, diagonal, _, _ = numpy_path.linear_system(system.rod, moved, view)
-    border = numpy_path.border_rows(system.rod, moved, view, (0.0, 0.0))
+    border = numpy_path.border_rows(system.rod, moved, view, (0.0, 0.0), np.inf)
     columns = numpy_path.border_columns(system.rod, view, border, carried, diagonal)[:, :, -2:]
     turn, step = rng.normal(size=(len(frames), 3)), 1e-6
     slips = [look(system, state._replace(frames=numpy_path.retract(frames, sign * step * turn)))[1].slip[0] for sign in (1.0, -1.0)]
@@ -255,7 +255,7 @@ def test_a_force_of_friction_turns_the_cable_as_its_column_says() -> None:
         moved, view = look(system, state._replace(drag=one))
         gradients.append(numpy_path.linear_system(system.rod, moved, view)[1])
     carried, _, diagonal, _, _ = numpy_path.linear_system(system.rod, moved, view)
-    border = numpy_path.border_rows(system.rod, moved, view, (0.0, 0.0))
+    border = numpy_path.border_rows(system.rod, moved, view, (0.0, 0.0), np.inf)
     columns = numpy_path.border_columns(system.rod, view, border, carried, diagonal)[:, :, -2:]
     np.testing.assert_allclose(gradients[1] - gradients[0], -columns @ drag[0], atol=1e-14)
 

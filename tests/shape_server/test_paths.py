@@ -65,7 +65,7 @@ def test_a_compiler_that_was_ended_goes_on_from_there_and_code_of_other_sources_
 ) -> None:
     monkeypatch.setattr("shape_server.paths._cache", lambda: tmp_path / "cache")
     forget_stale_kernels()
-    half_done = tmp_path / "cache" / "newton.newton_step-83.py311.nbi"
+    half_done = tmp_path / "cache" / "newton.newton_step-103.py311.nbi"
     half_done.write_bytes(b"")
     forget_stale_kernels()
     assert half_done.exists()
