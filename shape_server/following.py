@@ -44,6 +44,12 @@ def follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-d
     Returns:
         Nodes (n, 3) [m], and 1 at a stable equilibrium, 0 at another, -1 if no step became short: the state is then as it was.
     """
+    return _follow(rod, held, state, position, quaternion)
+
+
+# A function that calls others is compiled with all of them once more: those between a kernel and the Newton step are part of the kernel.
+@njit(cache=True, inline="always")
+def _follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-def]
     hold_at(rod, held, position, quaternion)
     after, nodes, verdict = _settled(rod, state, SHORT, STEPS)
     if verdict >= 0:
@@ -52,7 +58,7 @@ def follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-d
     return nodes, verdict
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _settled(rod, state, short, steps):  # type: ignore[no-untyped-def]
     """Newton steps until one is shorter than `short` [rad]: state, nodes, verdict."""
     state, view = look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
@@ -121,7 +127,7 @@ def follow_nested(rod, finer, held, state, between, position, quaternion):  # ty
     Returns:
         Nodes (n, 3) [m] of the coarser mesh, the verdict of `follow`, and the largest distance of the two meshes' nodes [m].
     """
-    nodes, verdict = follow(rod, held, state, position, quaternion)
+    nodes, verdict = _follow(rod, held, state, position, quaternion)
     if verdict < 0:
         return nodes, verdict, np.inf
     hold_at(finer, held, position, quaternion)
