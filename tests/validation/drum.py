@@ -46,6 +46,12 @@ class Drum:
         return float(self.shape.tension[0] / self.shape.tension[-1])
 
     @property
+    def ratio_on_cylinder(self) -> float:
+        """The same where the cable lies on, bent to the cylinder's curvature: T + kappa^2 EI / 2 is the same on both sides of a lift-off."""
+        bent = 0.5 * CABLE.bending / RADIUS**2
+        return float((self.shape.tension[0] - bent) / (self.shape.tension[-1] - bent))
+
+    @property
     def sticking(self) -> tuple[int, int]:
         """How many contacts that push stick, and how many there are."""
         assert self.shape.rubbed is not None
@@ -66,11 +72,11 @@ class Drum:
         return Drum(shape, boundary.anchored(contacts, shape, pose, time), time)
 
 
-def begun(kind: Friction, law: FrictionLaw) -> Drum:
+def begun(kind: Friction, law: FrictionLaw, segments: int = SEGMENTS) -> Drum:
     """The cable laid over the cylinder; its first shape is found without friction, as in a run."""
-    s = np.linspace(0.0, LENGTH, SEGMENTS + 1)
+    s = np.linspace(0.0, LENGTH, segments + 1)
     angle = np.clip((0.5 * (s[1:] + s[:-1]) - LEG) / RADIUS, 0.0, np.pi)
-    tangents = np.column_stack([np.sin(angle), np.zeros(SEGMENTS), np.cos(angle)])
+    tangents = np.column_stack([np.sin(angle), np.zeros(segments), np.cos(angle)])
     nodes = np.vstack([np.zeros(3), np.cumsum(np.diff(s)[:, None] * tangents, axis=0)]) + _grasps(0.0).position[0]
     free = solve(Problem(cable=CABLE, grasps=_grasps(0.0)), (0.0, 0.0, -9.81), path=compiled)
     laid = msgspec.structs.replace(
@@ -78,8 +84,8 @@ def begun(kind: Friction, law: FrictionLaw) -> Drum:
         s=s,
         nodes=nodes,
         frames=np.array([frame(t, (0.0, 1.0, 0.0)) for t in tangents]),
-        tension=np.full(SEGMENTS, LOAD),
-        curvature=np.zeros(SEGMENTS + 1),
+        tension=np.full(segments, LOAD),
+        curvature=np.zeros(segments + 1),
         grasp_wrenches=np.array([[0.0, 0.0, -LOAD, 0.0, 0.0, 0.0]]),
     )
     laws = Laws(np.array([FRICTION_CODES.index(kind)]), np.zeros(1, dtype=np.int64), (law,))

@@ -1,8 +1,8 @@
 """A cable that slides over a cylinder: T2 / T1 = exp(mu theta) (Euler 1769, "Remarques sur l'effet du frottement dans l'equilibre").
 
-Derived a second time below, by integrating dT = mu N with N = T d theta over small turns: the product of (1 + mu d theta). Bending
-changes the tensions by EI / 2 R^2 = 0.0017 N where the cable lies on, 0.4 % of the smaller one. The gripper pulls a load of 1 N up and
-lets it down.
+Derived a second time below, by integrating dT = mu N with N = T d theta over small turns: the product of (1 + mu d theta). Where the cable
+lies on, its tension is smaller by EI / 2 R^2 = 0.0017 N than beside it: a hundredth of 0.15 N, the tension of a load let down with 0.6.
+The gripper pulls a load of 1 N up and lets it down.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ LIMIT = float(np.exp(MU * np.pi))
 SLIDE = 3e-4  # m in a step, 0.0055 rad of the cylinder
 
 
-def sliding(mu: float = MU) -> Drum:
+def sliding() -> Drum:
     """Pulled up over the cylinder, all of it sliding."""
-    return settled(begun(Friction.SIGNUM, FrictionLaw(coefficient=mu)), 10 * SLIDE, 10)
+    return settled(begun(Friction.SIGNUM, FrictionLaw(coefficient=MU)), 10 * SLIDE, 10)
 
 
 def held(share: float) -> tuple[Drum, float]:
@@ -41,13 +41,13 @@ def test_the_closed_form_is_the_product_of_small_turns() -> None:
     assert (1 + MU * np.pi / turns) ** turns == pytest.approx(LIMIT, rel=1e-6)
 
 
-@pytest.mark.parametrize(("mu", "within", "back_steps"), [(0.05, 0.01, 10), (0.3, 0.01, 10), (0.6, 0.02, 1)])
-def test_the_tensions_of_a_sliding_cable_are_as_exp_of_mu_theta_both_ways(mu: float, within: float, back_steps: int) -> None:
-    """With 0.6 the second step back finds no shape from the first, and a start anew has left the cylinder."""
-    drum = sliding(mu)
-    assert drum.ratio == pytest.approx(np.exp(mu * np.pi), rel=within)  # measured 0.4 % for 0.3, 1.4 % for 0.6 on 48 segments
+@pytest.mark.parametrize(("mu", "segments", "back_steps"), [(0.05, 48, 10), (0.3, 48, 10), (0.6, 96, 8)])
+def test_the_tensions_of_a_sliding_cable_are_as_exp_of_mu_theta_both_ways(mu: float, segments: int, back_steps: int) -> None:
+    """Measured 0.24, 0.60 and 0.25 % up, 0.03, 0.26 and 0.1 % down. With 0.6 the tenth step back finds no shape from the ninth."""
+    drum = settled(begun(Friction.SIGNUM, FrictionLaw(coefficient=mu), segments), 10 * SLIDE, 10)
+    assert drum.ratio_on_cylinder == pytest.approx(np.exp(mu * np.pi), rel=0.01)
     back = settled(drum, 0.0, 10, stop=back_steps)
-    assert back.ratio == pytest.approx(np.exp(-mu * np.pi), rel=within)
+    assert back.ratio_on_cylinder == pytest.approx(np.exp(-mu * np.pi), rel=0.01)
     assert back.sticking[0] == 0
 
 
