@@ -57,7 +57,7 @@ def solve_hanging(
     if touched is not None:
         from .touching import solve_touching
 
-        return solve_touching(problem, load, tolerance)
+        return solve_touching(problem, load, tolerance, path)
     grasps = problem.grasps
     for first, last in pairwise(range(len(grasps.s))):
         span, chord = grasps.s[last] - grasps.s[first], float(np.linalg.norm(grasps.position[last] - grasps.position[first]))

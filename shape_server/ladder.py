@@ -32,7 +32,6 @@ from .clock import Clock
 from .cold import tangent_of
 from .hanging import not_built, solve_hanging
 from .mesh import Mesh, even, stops
-from .numpy_path import frames_along
 
 LAYER: Final = 1.3  # times sqrt(EI / T), what a catenary misses beside a clamp
 PART_OF: Final = {"micro_length": "bending", "bend_radius": "bending"}  # counted in its size
@@ -188,7 +187,7 @@ def catenary_shape(
     return answer(problem, used, rung, Model.CATENARY, hanging.sentence, begun)
 
 
-def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: float) -> Shape:
+def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: float, path: ModuleType) -> Shape:
     """A straight line between two ends."""
     from .taut_line import lay_taut
 
@@ -205,7 +204,7 @@ def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: 
     rung = Rung(
         mesh=mesh,
         nodes=line.nodes,
-        frames=_frames(line.nodes, grasps.quaternion[0]),
+        frames=_frames(line.nodes, grasps.quaternion[0], path),
         tension=0.5 * (line.tension[1:] + line.tension[:-1]),
         curvature=np.zeros(len(mesh.s)),
         wrenches=np.hstack([[line.start_force, line.end_force], np.zeros((2, 3))]),
@@ -220,7 +219,13 @@ def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: 
 
 
 def gradient_shape(
-    problem: Problem, gravity: Vector, tolerance: float, used: tuple[str, ...], begun: float, clock: Clock | None = None
+    problem: Problem,
+    gravity: Vector,
+    tolerance: float,
+    used: tuple[str, ...],
+    begun: float,
+    clock: Clock | None = None,
+    path: ModuleType = numpy_path,
 ) -> Shape:
     """The paper's moment-accepting cable, in a plane, with moderate slopes; by the tolerance or by the clock."""
     from .gradient_cable import NotCovered, lay
@@ -254,7 +259,7 @@ def gradient_shape(
     rung = Rung(
         mesh=mesh,
         nodes=laid.nodes,
-        frames=_frames(laid.nodes, grasps.quaternion[0]),
+        frames=_frames(laid.nodes, grasps.quaternion[0], path),
         tension=0.5 * (laid.tension[1:] + laid.tension[:-1]),
         curvature=np.abs(laid.curvature),
         wrenches=wrenches,
@@ -283,8 +288,8 @@ def _bending_energy(bending: float, micro_length: float, curvature: np.ndarray, 
     return float(0.5 * bending * (0.5 * (curvature[1:] ** 2 + curvature[:-1] ** 2) * mesh.lengths + change).sum())
 
 
-def _frames(nodes: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _frames(nodes: np.ndarray, first: np.ndarray, path: ModuleType) -> np.ndarray:
     """Frames (n-1, 4) from node to node, without twist from the first grasp on."""
     chords = np.diff(nodes, axis=0)
-    frames: np.ndarray = frames_along(chords / np.linalg.norm(chords, axis=1, keepdims=True), np.array(first), 0)
+    frames: np.ndarray = path.frames_along(chords / np.linalg.norm(chords, axis=1, keepdims=True), np.array(first), 0)
     return frames

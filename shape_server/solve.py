@@ -69,9 +69,9 @@ def solve(
     if model is Model.CATENARY:
         return ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path)
     if model is Model.TAUT:
-        return ladder.taut_shape(problem, gravity, used, begun)
+        return ladder.taut_shape(problem, gravity, used, begun, path)
     if model is Model.GRADIENT:
-        return ladder.gradient_shape(problem, gravity, tolerance, used, begun, clock)
+        return ladder.gradient_shape(problem, gravity, tolerance, used, begun, clock, path)
     sentence = _not_a_rod(problem)
     if sentence:
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "rod", time.perf_counter() - begun)

@@ -11,6 +11,7 @@ is tangent to the feature.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from types import ModuleType
 from typing import Final
 
 import numpy as np
@@ -41,7 +42,7 @@ class _Held:
     let_go: set[int] = field(default_factory=set)  # first rows of contacts that would have pulled
 
 
-def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hanging:
+def solve_touching(problem: Problem, load: np.ndarray, tolerance: float, path: ModuleType) -> Hanging:
     """The catenaries of a cable without bending that touches, or may touch.
 
     A place on a face without friction is answered as unsupported if the cable would pass through it.
@@ -63,7 +64,7 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float) -> Hang
             return nothing(problem, draped.outcome, draped.sentence)
         if _let_go(problem, load, held, draped):
             continue
-        hanging = _shape(problem, load, tolerance, held, draped)
+        hanging = _shape(problem, load, tolerance, held, draped, path)
         if not _take_up(problem, held, hanging):
             return _checked(problem, hanging, draped, groups.chosen[groups.faces], tolerance)
     return nothing(problem, Outcome.NOT_CONVERGED, f"its contacts do not settle within {CHANGES_MAX} changes")
@@ -167,7 +168,7 @@ def _slid(problem: Problem, load: np.ndarray, held: _Held, row: int) -> bool:
     return True
 
 
-def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, draped: Draped) -> Hanging:
+def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, draped: Draped, path: ModuleType) -> Hanging:
     """The shape on nodes, with one at every bend; forces and places by the rows of the request."""
     contacts, grasps = problem.contacts, problem.grasps
     assert contacts is not None
@@ -175,7 +176,7 @@ def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, dr
     s = np.concatenate([grasps.s, list(held.bonds.values()), [slide.s for _, slide in slides]])
     points = np.vstack([grasps.position, *(_bond_place(contacts, row) for row in held.bonds), *(slide.place for _, slide in slides)])
     for mesh in _meshes(problem):
-        hanging = pieces_of(problem, load, _with_nodes_at(mesh, s[len(grasps.s) :]), s, points)
+        hanging = pieces_of(problem, load, _with_nodes_at(mesh, s[len(grasps.s) :]), s, points, path)
         if hanging.sag <= tolerance:
             break
     forces, places = np.zeros((len(contacts.s), 3)), contacts.s.copy()

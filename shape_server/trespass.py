@@ -63,7 +63,7 @@ def _apart(a: Array, u: Array, b: Array, v: Array) -> tuple[Array, Array]:
 
 def _share(x: Array) -> Array:
     """Within 0 and 1; for arrays this short np.clip takes thrice as long."""
-    return np.minimum(np.maximum(x, 0.0), 1.0)
+    return np.asarray(np.minimum(np.maximum(x, 0.0), 1.0))
 
 
 def _dot(first: Array, second: Array) -> Array:

@@ -47,7 +47,7 @@ class Drum:
 
     @property
     def ratio_on_cylinder(self) -> float:
-        """The same where the cable lies on, bent to the cylinder's curvature: T + kappa^2 EI / 2 is the same on both sides of a lift-off."""
+        """The same where the cable lies on, bent to the cylinder's curvature: T + kappa^2 EI / 2 does not change at a lift-off."""
         bent = 0.5 * CABLE.bending / RADIUS**2
         return float((self.shape.tension[0] - bent) / (self.shape.tension[-1] - bent))
 
