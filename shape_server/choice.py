@@ -98,6 +98,11 @@ class Choice:
         # A guess may be wrong: a catenary tried in vain costs little, a rod solved twice much.
         doubted = frozenset(sizes) - {"bending", *WITH_BENDING, "masses", "loads"} if start is None else frozenset()
         off = self.least(sizes, doubted)
+        if start is None and "bending" not in off and "preform" in off - self.refused:
+            # Where a cable is pressed a preform moves it most, which no guess knows; and to a rod it costs nothing.
+            slack = replace(seen, force=np.zeros_like(seen.force))
+            if effects.load("preform").size(self.problem, self.gravity, slack).length > OTHERS * self.allowed:
+                off -= {"preform"}
         return off, sum(size.length for name, size in sizes.items() if name in off)
 
     @property
@@ -204,6 +209,8 @@ def _or_hung(choice: Choice, answer: Shape, off: Set[str], tolerance: float, pla
 
 def without(problem: Problem, gravity: Vector, off: Set[str]) -> tuple[Problem, Vector]:
     """The problem with the numbers taken away that ask for some effects."""
+    if not off:
+        return problem, gravity
     cable, loads = problem.cable, problem.loads
     gone: dict[str, Any] = {name: None for name in ("stretch", "micro_length", "bend_radius") if name in off}
     if "preform" in off:
@@ -224,13 +231,12 @@ def _solved(
     """The shape without some effects, by the cheapest model that knows the others, or by the rod from a shape that is `near`."""
     problem, gravity = without(choice.problem, choice.gravity, off)
     left = tolerance - min(expected, (HANGING if "bending" in off else OTHERS) * tolerance)
-    if near is not None:
-        problem = msgspec.structs.replace(problem, start=near)
-    if problem.model is Model.AUTO:
+    model = problem.model if near is None else Model.ROD
+    if model is Model.AUTO:
         model = Model.CATENARY if problem.cable.bending is None else ladder.of_bending(problem, gravity, left)
         if model is Model.AUTO or (model is Model.TAUT and choice.forced.get("bending")):
             model = Model.ROD
-        problem = msgspec.structs.replace(problem, model=model)
+    problem = msgspec.structs.replace(problem, model=model, start=problem.start if near is None else near)
     return plainly(problem, gravity, left, budget)
 
 

@@ -42,10 +42,11 @@ def curve_frames(mesh: Mesh, problem: Problem, gravity: np.ndarray, path: Module
 
 def _downwards(gravity: np.ndarray, chord: np.ndarray) -> np.ndarray:
     """Unit direction to hang in: along gravity; square to the chord where there is none, or gravity is along the chord."""
-    size = float(np.linalg.norm(gravity))
-    along = chord / max(float(np.linalg.norm(chord)), 1e-300)
-    if size > 0.0 and np.linalg.norm(np.cross(gravity / size, along)) > 1e-3:
+    (u, v, w), (x, y, z) = gravity.tolist(), chord.tolist()
+    size, length = math.hypot(u, v, w), max(math.hypot(x, y, z), 1e-300)
+    if size > 0.0 and math.hypot(v * z - w * y, w * x - u * z, u * y - v * x) > 1e-3 * size * length:
         return gravity / size
+    along = chord / length
     aside = np.eye(3)[int(np.argmin(np.abs(along)))]
     out = aside - (aside @ along) * along
     return np.asarray(out / np.linalg.norm(out))
@@ -61,9 +62,9 @@ def tangents_at(grasps: Grasps, gravity: np.ndarray) -> np.ndarray:
             low, high = max(k - 1, 0), min(k + 1, count - 1)
             chord = grasps.position[high] - grasps.position[low]
             sag = down * (1.0 if k == 0 else -1.0 if k == count - 1 else 0.0)
-            size = float(np.linalg.norm(chord))
+            size = math.hypot(*chord.tolist())
             out[k] = chord / size + 0.5 * sag if size > 1e-12 else (sag if sag.any() else out[k])
-            out[k] /= max(float(np.linalg.norm(out[k])), 1e-300)
+            out[k] /= max(math.hypot(*out[k].tolist()), 1e-300)
     return out
 
 

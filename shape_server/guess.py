@@ -4,11 +4,14 @@ The shape is the curve that a cold start begins from. Its forces are those of a 
 
     H = W c / 8 f,   f = sqrt(3 c (L - c) / 8),   n(s) = H chord / c + w (L / 2 - s)   [N]
 
-(Irvine 1981, "Cable Structures", ch. 2), with W = w L the weight of the span and c its chord.
+(Irvine 1981, "Cable Structures", ch. 2), with W = w L the weight of the span and c its chord. Where a clamp holds the cable at an angle
+theta to its force F, it bends by 2 sin(theta / 2) sqrt(F / EI) at least, the curvature of the layer (`effects.bending`).
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from itertools import pairwise
 from types import ModuleType
 from typing import Final
@@ -28,19 +31,35 @@ FLAT: Final = 1e-3  # of the length, the least sag counted with
 
 def guess(problem: Problem, gravity: Vector, path: ModuleType) -> Seen:
     """What a problem without a start shape may look like."""
-    grasps, pull = problem.grasps, np.asarray(gravity)
+    grasps, acceleration = problem.grasps, np.asarray(gravity)
     mesh = even(stops(problem), grasps.s, SEGMENTS)
-    frames = curve_frames(mesh, problem, pull, path)
-    weights = np.outer(mesh.lengths * mesh.along(problem.cable, "mass_per_length"), pull)
-    forces = np.zeros((len(grasps.s), 3))
-    held = mesh.grasp_nodes
-    forces[0] -= weights[: held[0]].sum(axis=0)
-    forces[-1] -= weights[held[-1] :].sum(axis=0)
-    for k, (first, last) in enumerate(pairwise(held.tolist())):
-        weight, chord = weights[first:last].sum(axis=0), grasps.position[k + 1] - grasps.position[k]
-        length, distance = float(mesh.s[last] - mesh.s[first]), max(float(np.linalg.norm(chord)), 1e-300)
-        sag = max(np.sqrt(0.375 * distance * max(length - distance, 0.0)), FLAT * length)
-        along = float(np.linalg.norm(weight)) * distance / (8.0 * sag) * chord / distance
-        forces[k] -= along + 0.5 * weight
-        forces[k + 1] += along - 0.5 * weight
-    return see(problem, gravity, mesh.s, frames, forces, np.zeros((0, 3)), path)
+    frames = curve_frames(mesh, problem, acceleration, path)
+    count, held, s = len(grasps.s), mesh.grasp_nodes.tolist(), mesh.s.tolist()
+    mass = np.append(0.0, np.cumsum(mesh.lengths * mesh.along(problem.cable, "mass_per_length"))).tolist()  # kg, up to every node
+    shares, along = [0.0] * count, [(0.0, 0.0, 0.0)] * (count + 1)
+    shares[0], shares[-1] = mass[held[0]], mass[-1] - mass[held[-1]]
+    places = grasps.position.tolist()
+    for k, (first, last) in enumerate(pairwise(held)):
+        (x, y, z), (u, v, w) = places[k], places[k + 1]
+        weight, length = mass[last] - mass[first], s[last] - s[first]
+        distance = max(math.hypot(u - x, v - y, w - z), 1e-300)
+        sag = max(math.sqrt(0.375 * distance * max(length - distance, 0.0)), FLAT * length)
+        pull = weight * math.hypot(*gravity) / (8.0 * sag)
+        along[k + 1] = (pull * (u - x), pull * (v - y), pull * (w - z))
+        shares[k] += 0.5 * weight
+        shares[k + 1] += 0.5 * weight
+    pulls = np.array(along)
+    forces = pulls[:-1] - pulls[1:] - np.array(shares)[:, None] * acceleration
+    seen = see(problem, gravity, mesh.s, frames, forces, np.zeros((0, 3)), path)
+    return replace(seen, curvature=_with_layers(seen)) if seen.bending[0] > 0.0 else seen
+
+
+def _with_layers(seen: Seen) -> np.ndarray:
+    """The curvature (n-2, 3) [1/m], beside every clamp at least that of the layer which the curve is too smooth to show."""
+    curvature = seen.curvature.copy()
+    for clamp in seen.clamps:
+        sharp = 2.0 * math.sqrt(clamp.force / seen.bending[0]) * math.sin(0.5 * clamp.angle)
+        row = min(max(clamp.node - 1, 0), len(curvature) - 1)
+        if sharp > math.hypot(*curvature[row, :2].tolist()):
+            curvature[row] = (sharp, 0.0, 0.0)
+    return curvature

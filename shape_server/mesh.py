@@ -42,14 +42,17 @@ class Mesh:
     def along(self, cable: Cable, name: str) -> np.ndarray:
         """A number of the cable at every segment, (n-1,) or (n-1, 3): its own, or that of the section at the segment's middle."""
         value = getattr(cable, name)
-        out = np.tile(np.zeros(3) if value is None else np.asarray(value, dtype=float), (len(self.lengths), 1))
-        out = out[:, 0] if isinstance(value, float | int) else out
+        number = np.zeros(3) if value is None else np.asarray(value, dtype=float)
+        out = np.empty((len(self.lengths), *number.shape))
+        out[:] = number
+        if not cable.sections:
+            return out
         middle = 0.5 * (self.s[:-1] + self.s[1:])
         for section in cable.sections:
             own = getattr(section, name)
             if own is not None:
                 out[(middle > section.start) & (middle < section.end)] = own
-        return np.asarray(out)
+        return out
 
 
 def stops(problem: Problem) -> np.ndarray:
@@ -88,8 +91,12 @@ def graded(places: np.ndarray, grasps: np.ndarray, segments: int, centres: np.nd
     """
     size = (places[-1] - places[0]) / segments
     pieces = []
-    for first, last in pairwise(places):
-        s = np.linspace(first, last, 2) if not len(centres) else _fine(first, last, centres, layers)
+    for first, last in pairwise(places.tolist()):
+        if not len(centres):
+            count = max(LEAST, round((last - first) / size))
+            pieces.append(first + (last - first) / count * np.arange(count))
+            continue
+        s = _fine(first, last, centres, layers)
         wanted = np.full(len(s), size)
         for centre, layer in zip(centres, layers, strict=True):
             wanted = np.minimum(wanted, layer / LAYER_SHARE + GROWTH * np.abs(s - centre))
@@ -123,9 +130,10 @@ def from_nodes(s: np.ndarray, length: float, grasps: np.ndarray) -> Mesh:
     if abs(s[0]) > near or abs(s[-1] - length) > near:
         raise MessageError(f"start.s: runs from {s[0]:g} to {s[-1]:g} m; must run from 0 to the length, {length:g} m", key="start.s")
     nodes = np.minimum(np.searchsorted(s, grasps - near), len(s) - 1)
-    for node, grasp in zip(nodes, grasps, strict=True):
-        if abs(s[node] - grasp) > near:
-            raise MessageError(f"start.s: has no node at the held point {grasp:g} m; every held point must be a node", key="start.s")
+    stray = np.flatnonzero(np.abs(s[nodes] - grasps) > near)
+    if len(stray):
+        grasp = grasps[stray[0]]
+        raise MessageError(f"start.s: has no node at the held point {grasp:g} m; every held point must be a node", key="start.s")
     return Mesh(s=s, lengths=np.diff(s), grasp_nodes=nodes)
 
 

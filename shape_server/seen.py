@@ -31,6 +31,7 @@ from protocol.scene import Cable, Section, Vector
 from . import numpy_path
 from .cold import tangent_of
 from .mesh import Mesh, from_nodes
+from .numpy_vertices import relative
 
 
 class Size(NamedTuple):
@@ -64,6 +65,7 @@ class Clamp:
     """One side of a held point: what a span does there."""
 
     span: int
+    node: int
     force: float  # N, carried there
     angle: float  # rad, between the force and the clamp's tangent; half the kink at a hinge inside the cable, zero at its ends
 
@@ -75,6 +77,7 @@ class Seen:
     mesh: Mesh
     tangents: np.ndarray  # (n-1, 3)
     force: np.ndarray  # (n-1, 3) N, carried in the middle of every segment
+    weight: np.ndarray  # (n-1,) N, of every segment
     curvature: np.ndarray  # (n-2, 3) 1/m, at every inner node, in the axes of the section
     spans: tuple[Span, ...]
     clamps: tuple[Clamp, ...]
@@ -109,7 +112,12 @@ class Seen:
 
     def least_tension(self, span: Span) -> float:
         """Least T of a span [N]."""
-        return float(self.tension[span.first : span.last].min())
+        return self._least_tensions[span.first]
+
+    @cached_property
+    def _least_tensions(self) -> dict[int, float]:
+        """The same by the first node of the span."""
+        return {span.first: float(self.tension[span.first : span.last].min()) for span in self.spans}
 
     def reach(self, span: Span) -> float:
         """How far a moment is felt [m]: sqrt(EI / T) where a span is pulled, half of it at most; of a tail, the cube root of EI / w."""
@@ -192,12 +200,14 @@ def see(
         forces += mesh.shared(problem.loads.s, problem.loads.force)
     if cable.masses:
         forces += mesh.shared(np.array([mass.at for mass in cable.masses]), np.outer([mass.mass for mass in cable.masses], gravity))
-    weight = (mesh.lengths * mesh.along(cable, "mass_per_length"))[:, None] * np.asarray(gravity)
-    carried = -(np.cumsum(forces[:-1], axis=0) + np.cumsum(weight, axis=0) - 0.5 * weight)
+    mass = mesh.lengths * mesh.along(cable, "mass_per_length")
+    weight = mass[:, None] * np.asarray(gravity)
+    carried = -(np.cumsum(forces[:-1] + weight, axis=0) - 0.5 * weight)
     return Seen(
         mesh,
         tangents,
         carried,
+        math.hypot(*gravity) * mass,
         _curvature(frames, mesh.lengths),
         _spans(problem, mesh),
         _clamps(problem, mesh, carried, weight),
@@ -208,10 +218,8 @@ def see(
 def _curvature(frames: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Turns (n-2, 3) [1/m] from frame to frame, for small ones: twice the vector of conj(q_i) q_i+1."""
     first, second = frames[:-1], frames[1:]
-    v, w, a, b = first[:, :3], first[:, 3:], second[:, :3], second[:, 3:]
-    turn = w * a - b * v - _cross(v, a)
-    sign = np.where(np.einsum("ij,ij->i", first, second) < 0.0, -2.0, 2.0)
-    return np.asarray(sign[:, None] * turn / (0.5 * (lengths[:-1] + lengths[1:]))[:, None])
+    turn = relative(first, second)
+    return np.asarray(4.0 / (lengths[:-1] + lengths[1:])[:, None] * turn[:, :3])
 
 
 def _spans(problem: Problem, mesh: Mesh) -> tuple[Span, ...]:
@@ -241,16 +249,10 @@ def _clamps(problem: Problem, mesh: Mesh, carried: np.ndarray, weight: np.ndarra
         kink = _angle(sides[0][1], sides[1][1]) if len(sides) == 2 else 0.0
         for span, force in sides:
             angle = _angle(force, tangent_of(problem.grasps.quaternion[k])) if problem.grasps.hold[k] is not Hold.HINGE else 0.5 * kink
-            out.append(Clamp(span, math.hypot(*force.tolist()), angle))
+            out.append(Clamp(span, node, math.hypot(*force.tolist()), angle))
     return tuple(out)
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:
     (a, b, c), (x, y, z) = one.tolist(), other.tolist()
     return math.atan2(math.hypot(b * z - c * y, c * x - a * z, a * y - b * x), a * x + b * y + c * z)
-
-
-def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Products (n, 3); np.cross costs five times as much on arrays this short."""
-    (a, b, c), (x, y, z) = one.T, other.T
-    return np.stack((b * z - c * y, c * x - a * z, a * y - b * x), axis=1)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from .equilibrium import Settled
 from .mesh import Mesh
 from .reading import Reading, read, read_mended
 from .system import System, build, grouped, micro_length
+
+KINK: Final = 0.1  # of the tolerance; a point load that bends the cable aside by less, within its layer, is not looked at more closely
 
 
 @dataclass(frozen=True)
@@ -110,15 +113,29 @@ class Solution:
         rod, mesh, touch = self.system.rod, self.system.mesh, self.system.rod.touch
         on = np.flatnonzero(self.found.state.push[: self.system.body_rows] > 0.0)
         touched = mesh.s[touch["element"][on]] + self.found.state.fraction[on] * mesh.lengths[touch["element"][on]]
-        places = np.concatenate([self.stops, touched, self.reading.self_places[self.reading.self_push > 0.0].ravel()])
+        loaded, load = self._loaded
+        own = self.reading.self_places[self.reading.self_push > 0.0].ravel()
+        places = np.concatenate([self.stops, touched, own, loaded])
         segment, _ = mesh.locate(places)
         force = np.abs(self.reading.tension)
-        beside = np.maximum(force[segment], force[np.maximum(segment - 1, 0)])
+        beside = np.maximum(np.maximum(force[segment], force[np.maximum(segment - 1, 0)]), 1e-300)
         law = rod.elastic.law[:, :2].min(axis=1)
-        layers = np.sqrt(np.minimum(law[segment], law[np.maximum(segment - 1, 0)]) / np.maximum(beside, 1e-300))
+        layers = np.sqrt(np.minimum(law[segment], law[np.maximum(segment - 1, 0)]) / beside)
         if len(rod.elastic.smoothing):
             layers = np.minimum(layers, micro_length(rod.elastic.law, rod.elastic.smoothing, rod.lengths))
-        return places, layers
+        turn = np.minimum(np.concatenate([np.full(len(places) - len(load), np.inf), load]) / beside, np.pi)
+        matters = layers * turn > KINK * self.task.tolerance
+        matters[: len(places) - len(load)] = True
+        return places[matters], layers[matters]
+
+    @property
+    def _loaded(self) -> tuple[np.ndarray, np.ndarray]:
+        """Arc lengths (k,) [m] of lumped masses and point loads, and their forces (k,) [N]."""
+        masses, loads, pull = self.task.problem.cable.masses, self.task.problem.loads, math.hypot(*self.task.gravity)
+        at, force = [mass.at for mass in masses], [mass.mass * pull for mass in masses]
+        if loads is not None:
+            at, force = [*at, *loads.s.tolist()], [*force, *np.linalg.norm(loads.force, axis=1).tolist()]
+        return np.array(at), np.array(force)
 
     @property
     def stops(self) -> np.ndarray:

@@ -16,6 +16,7 @@ sums what the effects add without knowing any of them by name:
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from types import ModuleType
 from typing import Final
@@ -51,6 +52,7 @@ def asked_for(problem: Problem, gravity: Vector) -> tuple[str, ...]:
     return tuple(name for name, asked in ASKED_BY.items() if asked(problem, gravity))
 
 
+@cache
 def load(name: str) -> ModuleType:
     """The file of an effect, imported on first use."""
     return import_module(f"{__name__}.{name}")

@@ -9,7 +9,6 @@ shapes that are alike without gravity it decides for one.
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -41,11 +40,10 @@ def node_loads(cable: Cable, loads: PointLoads | None, gravity: Vector, mesh: Me
 
 def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     """What leaving gravity out could change."""
-    weights = seen.mesh.lengths * seen.mesh.along(problem.cable, "mass_per_length") * math.hypot(*gravity)
     moved = 0.0
     for span in seen.spans:
-        weight = float(weights[span.first : span.last].sum())
+        weight = float(seen.weight[span.first : span.last].sum())
         middle = float(0.5 * (seen.mesh.s[span.first] + seen.mesh.s[span.last]))
         moved = max(moved, min(MARGIN * seen.pushed(middle, 0.5 * weight), span.length))
     felt = seen.moved(moved)
-    return Size(moved, felt.force + float(weights.sum()), felt.curvature)
+    return Size(moved, felt.force + float(seen.weight.sum()), felt.curvature)

@@ -154,7 +154,7 @@ def test_within_a_budget_a_catenary_answers_where_it_is_better() -> None:
     assert solve(Problem(cable=STIFF, grasps=span(0.6), effects={}), GRAVITY, budget=1e-3, path=KERNELS).model == "rod"
 
 
-@pytest.mark.parametrize("seed", [*range(20), 24])  # 24 lies bent to its least radius
+@pytest.mark.parametrize("seed", [*range(20), 24, 139, 210, 234])  # 24 lies bent to its least radius, the others bear sharp masses
 def test_the_automatic_choice_keeps_the_tolerance(seed: int) -> None:
     found = compared(seed, hindsight=False)
     assert found.sentence or found.is_within, found
@@ -205,5 +205,5 @@ def test_three_hundred_random_scenes_keep_the_tolerance_at_the_price_of_the_best
     """Of answers with a shape and a reference; a rod whose own estimate fails with everything on as well counts too."""
     known = [one for one in compare(range(300)) if not one.sentence]
     assert len(known) > 280
-    assert np.mean([one.is_within for one in known]) >= 0.985  # aimed at: 0.99
-    assert np.median([one.price for one in known]) <= 1.5  # aimed at: 1.3
+    assert np.mean([one.is_within for one in known]) >= 0.99  # measured 1.0 of 288
+    assert np.median([one.price for one in known]) <= 1.45  # measured 1.33 and 1.34 with other work on the machine; aimed at: 1.3

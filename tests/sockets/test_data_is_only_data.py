@@ -102,7 +102,7 @@ def test_names_in_a_recording_lead_nowhere_out_of_its_folder(tmp_path: Path) -> 
         for frame, name in zip(frames, evil, strict=True):
             writer.write(encode(msgspec.structs.replace(frame, picture=name, bill=DRAWN)))
     redraw(run)
-    assert sorted(path.name for path in run.iterdir()) == ["pictures", recording.FILE_NAME, "replay.html", "report.html"]
+    assert sorted(path.name for path in run.iterdir()) == ["bill.svg", "pictures", recording.FILE_NAME, "replay.html", "report.html"]
     assert [path.name[:3] for path in sorted((run / "pictures").iterdir())] == [f"{number:02d}_" for number in range(1, 1 + len(evil))]
     assert sorted(path for path in tmp_path.rglob("*") if path.is_file() and run not in path.parents) == []
     for name in ("replay.html", "report.html"):
