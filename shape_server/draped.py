@@ -30,7 +30,7 @@ from protocol.messages import Problem
 
 from .catenary import Piece, hang, hang_elastic
 from .rounding import Refusal, too_short
-from .slides import Hold, Slide
+from .slides import Bend, Hold, Slide
 
 ROUNDS_MAX: Final = 40
 STEPS_MAX: Final = 60
@@ -53,6 +53,16 @@ class Draped:
         force: np.ndarray = self.pieces[stop - 1].end_force + self.pieces[stop].start_force
         return force
 
+    @property
+    def bends(self) -> list[Bend]:
+        """At every contact, in order."""
+        out = []
+        for index, stop in enumerate(self.stops):
+            if isinstance(stop, Slide):
+                forces = self.pieces[index - 1].end_force, -self.pieces[index].start_force
+                out.append(Bend(*(force / max(float(np.linalg.norm(force)), 1e-300) for force in forces)))
+        return out
+
     def outward(self, stop: int) -> float:
         """What a contact pushes with [N], away from what it is about; negative where it pulls.
 
@@ -71,7 +81,7 @@ def drape(holds: list[Hold], slides: list[Slide], problem: Problem, load: np.nda
     """The equilibrium over contacts that all push; or why there is none."""
     slides = [_between(slide, holds) for slide in slides]
     for _ in range(ROUNDS_MAX):
-        refusal = too_short(_in_order(holds, slides), problem)
+        refusal = too_short(in_order(holds, slides), problem)
         if refusal is not None:
             return refusal
         slides, draped = _balanced(holds, slides, problem, load)
@@ -108,7 +118,8 @@ def _between(slide: Slide, holds: list[Hold]) -> Slide:
     return replace(slide, s=min(max(slide.s, below + margin), above - margin))
 
 
-def _in_order(holds: list[Hold], slides: list[Slide]) -> tuple[Hold | Slide, ...]:
+def in_order(holds: list[Hold], slides: list[Slide]) -> tuple[Hold | Slide, ...]:
+    """What holds the cable and what it slides over, along the cable."""
     return tuple(sorted([*holds, *slides], key=lambda stop: stop.s))
 
 
@@ -153,7 +164,7 @@ def _balanced(holds: list[Hold], slides: list[Slide], problem: Problem, load: np
 
 def _slope(holds: list[Hold], slides: list[Slide], problem: Problem, load: np.ndarray) -> tuple[np.ndarray, Draped]:
     """Derivative of the energy [N] by every contact's place along the cable, then along its edge."""
-    draped = _pieces(_in_order(holds, slides), problem, load)
+    draped = _pieces(in_order(holds, slides), problem, load)
     out = np.zeros(2 * len(slides))
     for index, slide in enumerate(slides):
         stop = draped.stops.index(slide)
@@ -191,7 +202,7 @@ def _stepped(slides: list[Slide], step: np.ndarray) -> list[Slide]:
 
 def _room(holds: list[Hold], slides: list[Slide], step: np.ndarray) -> float:
     """Share of a step that leaves every piece longer than the distance of its ends."""
-    stops, after = _in_order(holds, slides), _stepped(slides, step)
+    stops, after = in_order(holds, slides), _stepped(slides, step)
     share = np.inf
     moved = [after[slides.index(stop)] if isinstance(stop, Slide) else stop for stop in stops]
     for (a, b), (a2, b2) in zip(pairwise(stops), pairwise(moved), strict=True):
@@ -206,7 +217,7 @@ def _with_slack(holds: list[Hold], slides: list[Slide]) -> list[Slide]:
     """Contacts moved along the cable where a piece beside them would be longer than its cable."""
     slides = list(slides)
     for _ in range(4 * len(slides)):
-        stops = _in_order(holds, slides)
+        stops = in_order(holds, slides)
         slack = [b.s - a.s - float(np.linalg.norm(b.place - a.place)) for a, b in pairwise(stops)]
         worst = int(np.argmin(slack)) if slack else 0
         if not slack or slack[worst] > 0.0:

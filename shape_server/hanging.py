@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +19,9 @@ from . import numpy_path
 from .catenary import Piece, hang, hang_elastic
 from .clock import Clock
 from .mesh import Mesh, even, from_nodes, stops
+
+if TYPE_CHECKING:
+    from .arcs import Laid
 
 SEGMENTS = (25, 50, 100, 200, 400)
 STEEPER = 1.02  # times the curvature at its ends, inside a segment: 0.2 % more deviation were seen in 24 random catenaries
@@ -101,10 +106,19 @@ def too_coarse(sag: float, tolerance: float) -> str:
     return f"closed form; a straight segment is {sag:.2g} m from the curve, above the tolerance of {tolerance:.2g} m"
 
 
-def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, points: np.ndarray, path: ModuleType = numpy_path) -> Hanging:
+def pieces_of(
+    problem: Problem,
+    load: np.ndarray,
+    mesh: Mesh,
+    s: np.ndarray,
+    points: np.ndarray,
+    path: ModuleType = numpy_path,
+    arcs: Sequence[Laid] = (),
+) -> Hanging:
     """Catenaries through points (k, 3) [m] at arc lengths s (k,) [m]: the grasps, then what else holds the cable.
 
-    Forces of what comes after the grasps are the first rows of `contact_forces`.
+    Between the two points at which an arc begins and ends the cable lies in that. Forces of what comes after the grasps are the first
+    rows of `contact_forces`.
     """
     order = np.argsort(s, kind="stable")
     nodes, tension, curvature = np.empty((len(mesh.s), 3)), np.empty(len(mesh.s)), np.zeros(len(mesh.s))
@@ -121,8 +135,16 @@ def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, poi
         nodes[tail] = points[end] + np.outer(down, load / np.linalg.norm(load))
         tension[tail] = np.linalg.norm(load) * (length - below)
         forces[end] -= length * load
+    lies = np.zeros(len(mesh.lengths), dtype=bool)
     for first, last in pairwise(order):
         inside = (mesh.s >= s[first]) & (mesh.s <= s[last])
+        laid = next((arc for arc in arcs if arc.s[0] == s[first]), None)
+        if laid is not None:
+            nodes[inside], tension[inside], curvature[inside] = laid.at(mesh.s[inside])
+            forces[first] -= laid.force[0]
+            forces[last] += laid.force[-1]
+            lies |= (mesh.s[:-1] >= s[first]) & (mesh.s[1:] <= s[last])
+            continue
         ends = (points[first], points[last], float(s[last] - s[first]), load)
         own, stretch = mesh.s[inside] - s[first], problem.cable.stretch
         piece: Piece = hang(*ends, own) if stretch is None else hang_elastic(*ends, stretch, own)
@@ -130,6 +152,8 @@ def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, poi
         forces[first] += piece.start_force
         forces[last] += piece.end_force
     grasp_count = len(problem.grasps.s)
+    sag = _sag(tension, curvature, mesh.lengths, float(np.linalg.norm(load)))
+    sag[lies] = (0.125 * np.maximum(curvature[1:], curvature[:-1]) * mesh.lengths**2)[lies]
     chords = np.diff(nodes, axis=0)
     tangents = chords / np.maximum(np.linalg.norm(chords, axis=1), 1e-300)[:, None]
     return Hanging(
@@ -144,7 +168,7 @@ def pieces_of(problem: Problem, load: np.ndarray, mesh: Mesh, s: np.ndarray, poi
         contact_forces=forces[grasp_count:],
         contact_s=s[grasp_count:],
         energy=-float(np.vdot(load, 0.5 * mesh.lengths @ (nodes[1:] + nodes[:-1]))),
-        sag=float(_sag(tension, curvature, mesh.lengths, float(np.linalg.norm(load))).max()),
+        sag=float(sag.max()),
     )
 
 

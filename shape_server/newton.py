@@ -116,15 +116,15 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     """
     near = np.inf
     if soft[0] == 0.0 and len(state.push) > 0 and len(rod.rub.rows) + len(rod.strands.distance) + len(rod.give) == 0:
-        near = AHEAD * _farthest_off(rod, state, view)
-    step = _step(rod, state, view, soft, shift, near)
+        near = AHEAD * farthest_off(rod, state, view)
+    step = step_with(rod, state, view, soft, shift, near)
     if near < np.inf and _closes_more(rod, state, view, step, near):
-        step = _step(rod, state, view, soft, shift, np.inf)
+        step = step_with(rod, state, view, soft, shift, np.inf)
     return step
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest_off(rod, state, view):  # type: ignore[no-untyped-def]
+def farthest_off(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest distance [m] of a held point from its goal, or of a contact that pushes or is passed from its plane."""
     most, bond = 0.0, rod.held.rows["bond"]
     for row in range(len(view.miss)):
@@ -167,7 +167,7 @@ def _moved(rod, view, turn):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _step(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-def]
+def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-def]
     """The step, without the contacts that are open by more than `near` [m]."""
     carried, gradient, diagonal, upper, beyond = linear_system(rod, state, view)
     fix_gauge(rod, diagonal, shift)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,13 @@ class Hold:
 
     s: float  # m
     place: np.ndarray  # (3,) m
+
+
+class Bend(NamedTuple):
+    """Tangents (3,) of a cable before and after a sharp bend."""
+
+    before: np.ndarray
+    after: np.ndarray
 
 
 def slides_of(contacts: Contacts, rows: list[int], start: Start | None) -> Slide:

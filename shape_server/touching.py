@@ -5,7 +5,8 @@ bond would pull, the cable slides through it, the way the larger tension draws i
 there is none before both tensions are the same, it is dropped, the hardest pulling first. A point or an edge without friction is slid
 over (`draped`); it is taken up where the cable would pass through it, and let go where it would pull. Contacts about one point or edge
 are one contact, whose push the two rows beside the bend share along their own normals, as each piece of the cable is pushed where it
-is tangent to the feature.
+is tangent to the feature. Where a sharp bend about something thick would be off by more than the tolerance the cable lies round it in an
+arc (`winding`); from a start shape that is refused, for in a run the contacts of arcs do not settle yet.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ import numpy as np
 from protocol.kinds import FRICTION_CODES, Friction, Outcome
 from protocol.messages import Contacts, Problem
 
-from .draped import PASSED, Draped, drape, gap
+from .draped import PASSED, Draped, drape, gap, in_order
 from .effects.contact import grouped
 from .hanging import SEGMENTS, Hanging, nothing, pieces_of, too_coarse
 from .mesh import Mesh, even, from_nodes, stops
 from .rounding import Refusal
 from .slides import Hold, Slide, slides_of
+from .winding import wind, with_nodes_at
 
 CHANGES_MAX: Final = 60  # of what holds the cable
 SLIDE_LEAST: Final = 1e-7  # of the length, by which a bond that pulls slides at first; then twice as far
@@ -58,21 +60,32 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float, path: M
     found = [slides_of(contacts, groups.chosen[own].tolist(), problem.start) for own in groups.features]
     for slide in found:
         (held.sliding if (contacts.force[slide.rows] != 0.0).any() else held.open).append(slide)
+    faces = groups.chosen[groups.faces]
     for _ in range(CHANGES_MAX):
         draped = _drape(problem, load, held)
-        if isinstance(draped, Refusal):
+        if isinstance(draped, Refusal) and draped.outcome is not Outcome.UNSUPPORTED:
             return nothing(problem, draped.outcome, draped.sentence)
-        if _let_go(problem, load, held, draped):
+        if not isinstance(draped, Refusal) and _let_go(problem, load, held, draped):
             continue
-        hanging = _shape(problem, load, tolerance, held, draped, path)
-        if not _take_up(problem, held, hanging):
-            return _checked(problem, hanging, draped, groups.chosen[groups.faces], tolerance)
+        if isinstance(draped, Refusal) or _wound(draped) > tolerance:
+            if problem.start is not None:
+                return nothing(problem, Outcome.UNSUPPORTED, _sharp(draped))
+            bends = draped.bends if isinstance(draped, Draped) else None
+            stops = draped.stops if isinstance(draped, Draped) else in_order(_holds(problem, held.bonds), _sliding(problem, held))
+            hanging = wind(problem, load, tolerance, stops, bends, held.bonds, _meshes(problem), path)
+        else:
+            hanging = _shape(problem, load, tolerance, held, draped, path)
+        if hanging.outcome is not Outcome.CONVERGED or not _take_up(problem, held, hanging):
+            return _clear_of_faces(problem, hanging, faces)
     return nothing(problem, Outcome.NOT_CONVERGED, f"its contacts do not settle within {CHANGES_MAX} changes")
 
 
 def _drape(problem: Problem, load: np.ndarray, held: _Held) -> Draped | Refusal:
-    sliding = [slide for slide in held.sliding if not _is_bonded(slide, problem, held.bonds)]
-    return drape(_holds(problem, held.bonds), sliding, problem, load)
+    return drape(_holds(problem, held.bonds), _sliding(problem, held), problem, load)
+
+
+def _sliding(problem: Problem, held: _Held) -> list[Slide]:
+    return [slide for slide in held.sliding if not _is_bonded(slide, problem, held.bonds)]
 
 
 def _separate(problem: Problem, is_bond: np.ndarray) -> list[int]:
@@ -176,7 +189,7 @@ def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, dr
     s = np.concatenate([grasps.s, list(held.bonds.values()), [slide.s for _, slide in slides]])
     points = np.vstack([grasps.position, *(_bond_place(contacts, row) for row in held.bonds), *(slide.place for _, slide in slides)])
     for mesh in _meshes(problem):
-        hanging = pieces_of(problem, load, _with_nodes_at(mesh, s[len(grasps.s) :]), s, points, path)
+        hanging = pieces_of(problem, load, with_nodes_at(mesh, s[len(grasps.s) :]), s, points, path)
         if hanging.sag <= tolerance:
             break
     forces, places = np.zeros((len(contacts.s), 3)), contacts.s.copy()
@@ -186,7 +199,7 @@ def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, dr
         places[slide.rows] = slide.s
         _share(slide, draped, index, contacts, forces)
     sentence = "closed form" if hanging.sag <= tolerance else too_coarse(hanging.sag, tolerance)
-    return replace(hanging, contact_forces=forces, contact_s=places, sentence=sentence)
+    return replace(hanging, contact_forces=forces, contact_s=places, sentence=sentence, sag=hanging.sag + _wound(draped))
 
 
 def _share(slide: Slide, draped: Draped, stop: int, contacts: Contacts, forces: np.ndarray) -> None:
@@ -219,18 +232,6 @@ def _meshes(problem: Problem) -> list[Mesh]:
     return [mesh if len(mesh.s) == len(problem.start.s) else from_nodes(np.array(problem.start.s), length, grasps)]
 
 
-def _with_nodes_at(mesh: Mesh, places: np.ndarray) -> Mesh:
-    """The mesh with the node nearest to each place moved there; held points and ends stay."""
-    s, free = mesh.s.copy(), np.ones(len(mesh.s), dtype=bool)
-    free[[0, -1, *mesh.grasp_nodes.tolist()]] = False
-    for place in np.sort(places):
-        away = np.where(free, np.abs(mesh.s - place), np.inf)
-        node = int(np.argmin(away))
-        if s[node - 1] < place < s[node + 1]:
-            s[node], free[node] = place, False
-    return Mesh(s=s, lengths=np.diff(s), grasp_nodes=mesh.grasp_nodes)
-
-
 def _take_up(problem: Problem, held: _Held, hanging: Hanging) -> bool:
     """Take up the contact that the cable passes through most; whether there is one."""
     best, worst, where = -PASSED, None, 0.0
@@ -247,25 +248,34 @@ def _take_up(problem: Problem, held: _Held, hanging: Hanging) -> bool:
     return True
 
 
-def _checked(problem: Problem, hanging: Hanging, draped: Draped, faces: np.ndarray, tolerance: float) -> Hanging:
-    """The shape, unless it needs what is not built: to lie on a face, or to wind around something thick."""
-    contacts = problem.contacts
-    assert contacts is not None
-    for row in faces.tolist():
-        at = np.array([np.interp(contacts.s[row], hanging.mesh.s, hanging.nodes[:, k]) for k in range(3)])
-        if (at - contacts.point[row]) @ contacts.normal[row] < contacts.distance[row] - PASSED:
-            sentence = "a cable without bending meets points and edges, and faces only with a bond; give it 'bending' and 'twist'"
-            return nothing(problem, Outcome.UNSUPPORTED, sentence)
+def _sharp(draped: Draped | Refusal) -> str:
+    """Why a cable is not followed from a start shape round something thick."""
+    if isinstance(draped, Refusal):
+        return draped.sentence
+    return (
+        f"the cable winds around what it touches, which from a start shape a cable without bending does in a sharp bend, "
+        f"{_wound(draped):.2g} m off; give it 'bending' and 'twist', or a tolerance above that, or leave out the start"
+    )
+
+
+def _wound(draped: Draped) -> float:
+    """By how much longer a cable bends sharply about round bodies than it would lie round them [m]."""
     wound = 0.0
     for index, stop in enumerate(draped.stops[1:-1], start=1):
         if isinstance(stop, Slide):
             tension = 0.5 * (draped.pieces[index - 1].tension[-1] + draped.pieces[index].tension[0])
             half = float(np.arcsin(min(0.5 * np.linalg.norm(draped.push(index)) / max(tension, 1e-300), 1.0)))
             wound += stop.distance * 2.0 * (np.tan(min(half, 1.5)) - half)
-    if wound > tolerance:
-        sentence = (
-            f"the cable winds around what it touches, which a cable without bending does in a sharp bend, {wound:.2g} m off; "
-            "give it 'bending' and 'twist', or a tolerance above that"
-        )
-        return nothing(problem, Outcome.UNSUPPORTED, sentence)
-    return replace(hanging, sag=hanging.sag + float(wound))
+    return float(wound)
+
+
+def _clear_of_faces(problem: Problem, hanging: Hanging, faces: np.ndarray) -> Hanging:
+    """The shape, unless it needs what is not built: to lie on a face."""
+    contacts = problem.contacts
+    assert contacts is not None
+    for row in faces.tolist() if hanging.outcome is Outcome.CONVERGED else ():
+        at = np.array([np.interp(contacts.s[row], hanging.mesh.s, hanging.nodes[:, k]) for k in range(3)])
+        if (at - contacts.point[row]) @ contacts.normal[row] < contacts.distance[row] - PASSED:
+            sentence = "a cable without bending meets points and edges, and faces only with a bond; give it 'bending' and 'twist'"
+            return nothing(problem, Outcome.UNSUPPORTED, sentence)
+    return hanging
