@@ -8,7 +8,6 @@ that has just been started answers it like one that has been there all the time.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Final
 
 from protocol.channel import Client
@@ -17,8 +16,6 @@ from protocol.errors import CablecosimError, MessageError, PeerLostError, SceneE
 from protocol.keys import Keys
 from protocol.kinds import Outcome
 from protocol.messages import Beat, Error, ShapeReply, ShapeRequest
-
-from .stepped import Meter
 
 SILENCE: Final = 2.0  # s without a sign of life before a request is sent again
 
@@ -114,24 +111,6 @@ class Asker:
         self._client = Client(self._address, "env_server", self._keys)
         self._client.send_bytes(self._data)
         self.resent += 1
-
-
-def timed(asker: Asker, request: ShapeRequest, meter: Meter, spare: Callable[[], None], move: Callable[[], None] | None) -> ShapeReply:
-    """The reply to a request; while the shape server thinks, do what there is `spare` time for, and move the robot."""
-    begun, coded = time.perf_counter(), asker.coding
-    asker.send(request)
-    sent = time.perf_counter()
-    spare()
-    spared = time.perf_counter()
-    if move is not None:
-        move()
-    moved = time.perf_counter()
-    reply = asker.receive()
-    meter.robot += moved - spared
-    meter.solve += reply.busy
-    trip = time.perf_counter() - begun - (asker.coding - coded)
-    meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
-    return reply
 
 
 def _check_reply(request: ShapeRequest, reply: ShapeReply) -> None:

@@ -103,11 +103,10 @@ class Control:
             self._wake.clear()
         return None
 
-    def hold(self, begin: Callable[[], None]) -> float:
-        """Wait while the run is paused, after a call of `begin`; the seconds it was."""
+    def hold(self) -> float:
+        """Wait while the run is paused; the seconds it was."""
         if not self._is_paused:
             return 0.0
-        begin()
         begun = time.perf_counter()
         before = self._statistics
         self.report(before.step, before.steps, "paused", "paused")

@@ -22,7 +22,7 @@ from protocol.kinds import Outcome
 from protocol.messages import CrossingReactions, Crossings, Grasps, Problem, Shape, ShapeRequest
 
 from . import coupling, looking, remesh
-from .asking import Asker, timed
+from .asking import Asker
 from .audit import Auditor, Audits, heard
 from .crossed import Crossed
 from .first_touch import with_first_touches, within
@@ -55,18 +55,14 @@ class Loop:
         self._round = 0
         self._reach = Reach(REACH_MOST, REACH_MOST, REACH_MOST)
         self._now: Stepped | None = None
-        self._meanwhile: Callable[[], None] = lambda: None
-        self._coming: tuple[int, Posture | None] = -1, None  # a step to come, and its posture
 
     def first(self) -> Stepped:
         """The shapes at the start, from the grasps alone."""
         return self._measured(0, self._stage.at_step(0), None)
 
-    def advance(self, step: int, meanwhile: Callable[[], None] = lambda: None) -> Stepped:
-        """The next time step, with something to do while the shape server thinks; `first` must have been called."""
-        self._meanwhile = meanwhile
-        coming, posture = self._coming
-        return self._measured(step, posture if coming == step and posture is not None else self._stage.at_step(step), self._now)
+    def advance(self, step: int) -> Stepped:
+        """The next time step; `first` must have been called."""
+        return self._measured(step, self._stage.at_step(step), self._now)
 
     def tried(self, step: int, goal: Posture, before: Stepped) -> Stepped:
         """Where a step from `before` to another posture ends. The loop goes on as if it had not been asked."""
@@ -269,15 +265,20 @@ class Loop:
             crossings=asked,
         )
         self._round += 1
-        reply = timed(self._asker, request, self._meter, self._meanwhile, None if has_moved_robot else partial(self._move, step, goal))
+        begun = time.perf_counter()
+        self._asker.send(request)
+        sent = time.perf_counter()
+        if not has_moved_robot:
+            self._stage.put(goal)
+            self._collisions = self._stage.world.collisions()
+        moved = time.perf_counter()
+        coded = self._asker.coding
+        reply = self._asker.receive()
+        self._meter.robot += moved - sent
+        self._meter.solve += reply.busy
+        trip = time.perf_counter() - begun - (self._asker.coding - coded)
+        self._meter.wire += max(0.0, trip - max(reply.busy, moved - sent))
         return self._audits.marked(reply.shapes), reply.crossings
-
-    def _move(self, step: int, goal: Posture) -> None:
-        """Move everything rigid, and have the next step's posture ready."""
-        self._stage.put(goal)
-        self._collisions = self._stage.world.collisions()
-        if self._coming[0] != step + 1 and step < self._stage.path.steps:
-            self._coming = step + 1, self._stage.at_step(step + 1)
 
     def _free_share(
         self, anchor: Sequence[Hanging] | None, crossed: Crossed | None, at: Posture, goal: Posture, after: Sequence[Hanging]

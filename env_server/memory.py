@@ -20,16 +20,7 @@ REMEMBERED: Final = {
     "_reach": "reach",
     "_audits": "audits",
 }
-FORGOTTEN: Final = {
-    "_stage",
-    "_asker",
-    "_session",
-    "_meter",
-    "_round",
-    "_auditor",
-    "_meanwhile",
-    "_coming",
-}  # given anew, or begun anew with every step
+FORGOTTEN: Final = {"_stage", "_asker", "_session", "_meter", "_round", "_auditor"}  # given anew, or begun anew with every step
 
 
 @dataclass(frozen=True)
@@ -46,10 +37,10 @@ class Checkpoint:
     audits: Audits
 
 
-def checkpoint(loop: Loop, session: str, step: int, late: float) -> Checkpoint:
-    """What a loop has to remember; how long the journal is then is for who writes it to say."""
+def checkpoint(loop: Loop, session: str, step: int, late: float, size: int) -> Checkpoint:
+    """What a loop has to remember."""
     remembered: dict[str, Any] = {field: getattr(loop, name) for name, field in REMEMBERED.items()}
-    return Checkpoint(session=session, step=step, late=late, size=0, **remembered)
+    return Checkpoint(session=session, step=step, late=late, size=size, **remembered)
 
 
 def resume(loop: Loop, kept: Checkpoint) -> None:

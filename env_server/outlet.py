@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 from protocol.channel import Publisher
@@ -11,7 +10,8 @@ from protocol.errors import RecordingError
 from protocol.keys import Keys
 
 from .journal import Journal
-from .memory import Checkpoint
+from .loop import Loop
+from .memory import Checkpoint, checkpoint
 
 
 class Outlet:
@@ -22,6 +22,7 @@ class Outlet:
     """
 
     def __init__(self, frames: str, live: str, session: str, folder: Path | None, keys: Keys | None) -> None:
+        self._session = session
         self._record = Publisher(frames, lossless=True, keys=keys)
         self._live = Publisher(live, lossless=False, keys=keys)
         # Opened last: a second program at these addresses is refused before it could touch the journal of the first.
@@ -56,15 +57,15 @@ class Outlet:
         """How many frames an earlier program has sent that are kept."""
         return self.journal.frames if self.journal is not None else 0
 
-    def step(self, frame: bytes, kept: Checkpoint) -> None:
-        """Send the frame of a step from which the run goes on as `kept` says.
+    def step(self, frame: bytes, loop: Loop, step: int, late: float) -> None:
+        """Send the frame of a step from which the loop goes on, `late` [s] behind the path.
 
         Raises:
             RecordingError: If the journal's disk is full; nothing is sent then.
         """
         if self.journal is not None:
             self.journal.add(frame)
-            self.journal.keep(replace(kept, size=self.journal.size))
+            self.journal.keep(checkpoint(loop, self._session, step, late, self.journal.size))
         self._send(frame)
 
     def between(self, frame: bytes) -> None:

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
+import numpy as np
 
 from protocol import scene_file
 from protocol.codec import encode
 from protocol.errors import CablecosimError, PeerLostError, RecordingError
 from protocol.keys import Keys
 from protocol.kinds import Outcome
-from protocol.messages import Snapshot
+from protocol.messages import Finished, Frame, Shape, Snapshot
 from protocol.scene import Relaxation, Scene
 
 from . import touch
@@ -26,11 +27,10 @@ from .audit import auditor_of, is_wanted
 from .control import Control
 from .journal import Journal
 from .loop import Loop
-from .memory import Checkpoint, checkpoint, resume
+from .memory import Checkpoint, resume
 from .outlet import Outlet
-from .sending import Sending
 from .stage import Stage
-from .stepped import Stepped, shown
+from .stepped import Stepped, shown, touch_points
 from .versions import versions
 
 RECORDERS_LIMIT: Final = 60.0  # s for the recorders to join after the start
@@ -80,7 +80,8 @@ class Run:
         audits = partial(is_wanted, auditor)
         self._control = Control(control, scene_hash, silent=lambda: self._asker.silent, audits=audits, frame=frame, keys=keys)
         self._kernels = ""  # of the shape server, when it was greeted
-        self._sent = 0  # frames, by an earlier program
+        self._sequence = 0
+        self._publishing = self._framed = 0.0  # s that the last frame took; on the bill of the next
         self._late = 0.0  # s of simulated time by which relaxations have held up the path
 
     @property
@@ -148,7 +149,7 @@ class Run:
     def _continued(self, loop: Loop, kept: Checkpoint) -> Stepped:
         """Where an earlier program was."""
         resume(loop, kept)
-        self._late, self._sent = kept.late, self._outlet.frames
+        self._late, self._sequence = kept.late, self._outlet.frames
         return kept.now
 
     def _set_up(self) -> Stage:
@@ -186,42 +187,44 @@ class Run:
 
     def _step(self, stage: Stage, loop: Loop, first: Stepped, begin: int, steps: int) -> str:
         """All time steps from `begin` on; returns why they ended early, or an empty sentence."""
-        sending = Sending(
-            stage, self._outlet, self._session, lambda step: self._control.report(step, steps, "running", "running"), self._sent
-        )
         stepped, shapes = first, tuple(cable.shape for cable in first.cables)
         sentence, was_stopped, step, before = "", False, begin, first
-        try:
-            for step in range(begin, steps + 1):
-                wait = self._control.hold(sending.flush)
-                if self._control.is_stopped:
-                    sentence, was_stopped = f"stopped before step {step} of {steps}", True
-                    break
-                try:
-                    stepped = loop.advance(step, sending.flush) if step else first
-                except RecordingError:
-                    raise
-                except CablecosimError as error:
-                    sentence = f"step {step} of {steps}: {error}"
-                    break
-                sentence = self._trouble(stepped)
-                shapes = shown(stepped, shapes)
+        for step in range(begin, steps + 1):
+            wait = self._control.hold()
+            if self._control.is_stopped:
+                sentence, was_stopped = f"stopped before step {step} of {steps}", True
+                break
+            try:
+                stepped = loop.advance(step) if step else first
+            except CablecosimError as error:
+                sentence = f"step {step} of {steps}: {error}"
+                break
+            sentence = self._trouble(stepped)
+            if sentence:
+                sentence = f"step {step} of {steps}, move '{stage.path.move_at(stepped.posture.time)}': {sentence}"
+            shapes = shown(stepped, shapes)
+            try:
+                if self._scene.relaxation is not None and step and not sentence:
+                    stepped = self._relax(stage, loop, before, stepped, step, self._scene.relaxation)
+                frame = self._frame(stage, stepped, shapes, step, wait)
                 if sentence:
-                    sentence = f"step {step} of {steps}, move '{stage.path.move_at(stepped.posture.time)}': {sentence}"
-                    sending.last(stepped, shapes, step, wait, self._late)
-                    break
-                if self._scene.relaxation is not None and step:
-                    stepped = self._relax(sending, stage, loop, before, stepped, step, self._scene.relaxation)
-                sending.later(stepped, shapes, step, wait, checkpoint(loop, self._session, step, self._late))
-                before = stepped
-            sending.flush()
-        except RecordingError as error:
-            sentence = sentence or str(error)
+                    self._outlet.last(encode(frame))
+                else:
+                    self._outlet.step(encode(frame), loop, step, self._late)
+            except RecordingError as error:
+                sentence = f"step {step} of {steps}: {error}"
+                break
+            self._has_sent()
+            before = stepped
+            self._control.report(step, steps, "running", "running")
+            if sentence:
+                break
         self._control.report(step, steps, "failed" if sentence else "finished", sentence or "finished")
-        sending.finish(failed=bool(sentence), sentence=sentence or "finished")
+        finished = Finished(session=self._session, frames=self._sequence, failed=bool(sentence), sentence=sentence or "finished")
+        self._outlet.last(encode(finished))
         return "" if was_stopped else sentence
 
-    def _relax(self, sending: Sending, stage: Stage, loop: Loop, before: Stepped, after: Stepped, step: int, given: Relaxation) -> Stepped:
+    def _relax(self, stage: Stage, loop: Loop, before: Stepped, after: Stepped, step: int, given: Relaxation) -> Stepped:
         """Publish what is between two steps if a cable has snapped; the path goes on when it is at rest. Looking for it is on the bill."""
         from . import relaxation
 
@@ -232,10 +235,60 @@ class Run:
             start, late = before.posture.time, self._late
             for moment in found[1]:
                 self._late = late + start + moment.time - moment.stepped.posture.time
-                sending.between(moment.stepped, step, self._late, moment.share)
+                shapes = tuple(cable.shape for cable in moment.stepped.cables)
+                self._outlet.between(encode(self._frame(stage, moment.stepped, shapes, -1, 0.0, relaxing=moment.share)))
+                self._has_sent()
             self._late = late + max(0.0, found[0] - (after.posture.time - start))
         stage.put(after.posture)
         return priced
+
+    def _has_sent(self) -> None:
+        """Count a frame, and put what it took on the next bill."""
+        self._sequence += 1
+        self._publishing = time.perf_counter() - self._framed
+
+    def _frame(self, stage: Stage, stepped: Stepped, shapes: tuple[Shape, ...], step: int, wait: float, *, relaxing: float = 0.0) -> Frame:
+        begun = time.perf_counter()
+        posture, scene = stepped.posture, self._scene
+        misses, wrenches = [0.0], {}
+        for cable, shape in zip(scene.cables, shapes, strict=True):
+            points, holders = stage.grasp_points(cable.name, posture), stage.holders(cable.name)
+            for row, gripper in enumerate(scene.grippers[index] for index in holders):
+                node = int(np.argmin(np.abs(shape.s - gripper.at)))
+                misses.append(float(np.linalg.norm(shape.nodes[node] - points[row])))
+                if gripper.arm is not None:
+                    wrenches[gripper.arm] = -shape.grasp_wrenches[row]
+        torque_ratio = stage.torque_ratio(wrenches, posture)
+        worked = self._framed = time.perf_counter()
+        bill = msgspec.structs.replace(
+            stepped.bill,
+            robot=stepped.bill.robot + worked - begun,
+            encode=stepped.bill.encode + self._publishing,
+            wait=wait + stepped.bill.wait,
+            total=stepped.bill.total + worked - begun + self._publishing,
+        )
+        return Frame(
+            session=self._session,
+            sequence=self._sequence,
+            time=posture.time + self._late,
+            move=stage.path.move_at(posture.time),
+            picture=scene.pictures[stage.path.keys.index(step)].name if step in stage.path.keys else "",
+            joints=posture.joints,
+            poses=stage.poses(posture),
+            grasps=tuple(stage.grasps(cable.name, posture) for cable in scene.cables),
+            shapes=shapes,
+            touching=touch_points(stage, stepped),
+            rounds=stepped.rounds,
+            penetration=max(max(c.bodies.penetration, c.links.penetration) for c in stepped.cables),
+            grasp_error=max(misses),
+            collisions=stepped.collisions,
+            torque_ratio=torque_ratio,
+            bill=bill,
+            relaxation=relaxing,
+            crossing=stepped.crossed.pushes if stepped.crossed is not None else None,
+            coupling=stepped.coupling,
+            audits=stepped.audits if not relaxing else (),
+        )
 
     def _trouble(self, stepped: Stepped) -> str:
         """Why a step is no good; an empty sentence if it is."""

@@ -46,7 +46,7 @@ class _Nobody:
 
     is_stopped = False
 
-    def hold(self, _: object) -> float:
+    def hold(self) -> float:
         return 0.0
 
     def report(self, *_: object) -> None:
@@ -57,7 +57,7 @@ def play(scene_name: str, settings: tuple[str, ...] = ()) -> Recorded:
     """Every frame of a built-in scene, those between two equilibria too."""
     scene, ears, run = load(scene_name, settings), _Ears(), cast(Any, object.__new__(Run))
     run._scene, run._session, run._outlet, run._control = scene, "played", ears, _Nobody()
-    run._sent, run._late = 0, 0.0
+    run._sequence, run._publishing, run._framed, run._late = 0, 0.0, 0.0, 0.0
     with closing(Stage(scene, lambda _: None)) as stage:
         loop = Loop(stage, cast(Asker, Direct()), "played")
         run._step(stage, loop, loop.first(), 0, stage.path.steps)

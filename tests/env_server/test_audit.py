@@ -45,7 +45,7 @@ def run(of: Scene, asker: Direct | None = None, *, forget_after: int | None = No
         for step in range(1, stage.path.steps + 1):
             out.append(loop.advance(step))
             if step == forget_after:
-                kept = checkpoint(loop, "test", step, 0.0)
+                kept = checkpoint(loop, "test", step, 0.0, 0)
                 loop = Loop(stage, cast(Any, Direct()), "test", Auditor(of, cast(Any, Direct())))
                 resume(loop, kept)
         return out

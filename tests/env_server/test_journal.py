@@ -69,10 +69,10 @@ def test_a_loop_goes_on_from_a_checkpoint_to_the_last_bit(scene: str, steps: int
     loop = Loop(first, Asker(), "")  # type: ignore[arg-type]
     loop.first()
     files = [tmp_path / str(step) for step in range(steps + 1)]
-    write(files[0], checkpoint(loop, "", 0, 0.0))
+    write(files[0], checkpoint(loop, "", 0, 0.0, 0))
     for step in range(1, steps + 1):
         loop.advance(step)
-        write(files[step], checkpoint(loop, "", step, 0.0))
+        write(files[step], checkpoint(loop, "", step, 0.0, 0))
     for begin in range(0, steps - 2, every):
         kept = store.read(files[begin], Checkpoint)
         assert kept is not None
@@ -81,7 +81,7 @@ def test_a_loop_goes_on_from_a_checkpoint_to_the_last_bit(scene: str, steps: int
         for step in range(begin + 1, begin + 4):
             again.advance(step)
             file = tmp_path / f"{step} again from {begin}"
-            write(file, checkpoint(again, "", step, 0.0))
+            write(file, checkpoint(again, "", step, 0.0, 0))
             assert file.with_name(f"{file.name}.1").read_bytes() == files[step].with_name(f"{step}.1").read_bytes(), (
                 f"from {begin}, step {step}"
             )
@@ -130,7 +130,7 @@ def _checkpoint() -> Checkpoint:
     scene = Stage(scenarios.load(str(SCENE)), str)
     loop = Loop(scene, Asker(), "")  # type: ignore[arg-type]
     loop.first()
-    made = checkpoint(loop, "run", 0, 0.0)
+    made = checkpoint(loop, "run", 0, 0.0, 0)
     scene.close()
     return made
 
