@@ -125,16 +125,8 @@ def pieces_of(
     forces = np.zeros((len(s), 3))
     first, last = order[0], order[-1]
     for end, tail in ((first, mesh.s <= s[first]), (last, mesh.s >= s[last])):
-        below = np.abs(mesh.s[tail] - s[end])
-        length = float(below.max())
-        down = (
-            below
-            if problem.cable.stretch is None
-            else below + (below * length - 0.5 * below**2) * np.linalg.norm(load) / problem.cable.stretch
-        )
-        nodes[tail] = points[end] + np.outer(down, load / np.linalg.norm(load))
-        tension[tail] = np.linalg.norm(load) * (length - below)
-        forces[end] -= length * load
+        nodes[tail], tension[tail], pull = _tail(problem, load, points[end], np.abs(mesh.s[tail] - s[end]))
+        forces[end] += pull
     lies = np.zeros(len(mesh.lengths), dtype=bool)
     for first, last in pairwise(order):
         inside = (mesh.s >= s[first]) & (mesh.s <= s[last])
@@ -170,6 +162,13 @@ def pieces_of(
         energy=-float(np.vdot(load, 0.5 * mesh.lengths @ (nodes[1:] + nodes[:-1]))),
         sag=float(sag.max()),
     )
+
+
+def _tail(problem: Problem, load: np.ndarray, top: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A free end below a point (3,) [m]: nodes (k, 3) [m] and tension (k,) [N] so far along it (k,) [m], and what holds it (3,) [N]."""
+    weight, length, stretch = float(np.linalg.norm(load)), float(below.max()), problem.cable.stretch
+    down = below if stretch is None else below + (below * length - 0.5 * below**2) * weight / stretch
+    return top + np.outer(down, load / weight), weight * (length - below), -length * load
 
 
 def _sag(tension: np.ndarray, curvature: np.ndarray, lengths: np.ndarray, weight: float) -> np.ndarray:
