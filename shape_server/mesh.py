@@ -151,3 +151,15 @@ def doubled(mesh: Mesh) -> Mesh:
     s = np.empty(2 * len(mesh.s) - 1)
     s[::2], s[1::2] = mesh.s, 0.5 * (mesh.s[1:] + mesh.s[:-1])
     return Mesh(s=s, lengths=np.diff(s), grasp_nodes=2 * mesh.grasp_nodes)
+
+
+def with_nodes_at(mesh: Mesh, places: np.ndarray) -> Mesh:
+    """The mesh with the node nearest to each place moved there; held points and ends stay."""
+    s, free = mesh.s.copy(), np.ones(len(mesh.s), dtype=bool)
+    free[[0, -1, *mesh.grasp_nodes.tolist()]] = False
+    for place in np.sort(places):
+        away = np.where(free, np.abs(mesh.s - place), np.inf)
+        node = int(np.argmin(away))
+        if s[node - 1] < place < s[node + 1]:
+            s[node], free[node] = place, False
+    return Mesh(s=s, lengths=np.diff(s), grasp_nodes=mesh.grasp_nodes)

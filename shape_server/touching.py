@@ -23,10 +23,9 @@ from protocol.messages import Contacts, Problem
 from .draped import PASSED, Draped, drape, gap, in_order
 from .effects.contact import grouped
 from .hanging import SEGMENTS, Hanging, nothing, pieces_of, too_coarse
-from .mesh import Mesh, even, from_nodes, stops
+from .mesh import Mesh, even, from_nodes, stops, with_nodes_at
 from .rounding import Refusal
 from .slides import Hold, Slide, slides_of
-from .winding import wind, with_nodes_at
 
 CHANGES_MAX: Final = 60  # of what holds the cable
 SLIDE_LEAST: Final = 1e-7  # of the length, by which a bond that pulls slides at first; then twice as far
@@ -70,6 +69,8 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float, path: M
         if isinstance(draped, Refusal) or _wound(draped) > tolerance:
             if problem.start is not None:
                 return nothing(problem, Outcome.UNSUPPORTED, _sharp(draped))
+            from .winding import wind  # here: what bends sharply does without
+
             bends = draped.bends if isinstance(draped, Draped) else None
             stops = draped.stops if isinstance(draped, Draped) else in_order(_holds(problem, held.bonds), _sliding(problem, held))
             hanging = wind(problem, load, tolerance, stops, bends, held.bonds, _meshes(problem), path)

@@ -13,7 +13,7 @@ from protocol.messages import Contacts, Problem
 
 from .arcs import Arc, Laid
 from .hanging import Hanging, nothing, pieces_of, too_coarse
-from .mesh import Mesh
+from .mesh import Mesh, with_nodes_at
 from .slides import Bend, Hold, Slide
 from .wrapped import wrap
 
@@ -109,15 +109,3 @@ def _share(rows: np.ndarray, contacts: Contacts, laid: Laid, load: np.ndarray, f
     cuts = np.concatenate([laid.s[:1], 0.5 * (contacts.s[inside][1:] + contacts.s[inside][:-1]), laid.s[-1:]])
     pulls = np.column_stack([np.interp(cuts, laid.s, column) for column in laid.force.T])
     forces[inside] = pulls[:-1] - pulls[1:] - np.outer(cuts[1:] - cuts[:-1], load)
-
-
-def with_nodes_at(mesh: Mesh, places: np.ndarray) -> Mesh:
-    """The mesh with the node nearest to each place moved there; held points and ends stay."""
-    s, free = mesh.s.copy(), np.ones(len(mesh.s), dtype=bool)
-    free[[0, -1, *mesh.grasp_nodes.tolist()]] = False
-    for place in np.sort(places):
-        away = np.where(free, np.abs(mesh.s - place), np.inf)
-        node = int(np.argmin(away))
-        if s[node - 1] < place < s[node + 1]:
-            s[node], free[node] = place, False
-    return Mesh(s=s, lengths=np.diff(s), grasp_nodes=mesh.grasp_nodes)
