@@ -35,8 +35,8 @@ class Border(NamedTuple):
 def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     """All rows at a state.
 
-    Contacts are those that may push: with exact rows, for which `soft` is (0, 0), all that push or have a gap of `near` [m] at most.
-    Otherwise they are those that touch, and `soft` [m/N] are the compliances of held points and contacts, whose forces already balance
+    Contacts are those that may push: with exact rows, for which `soft` is (0, 0), all that push or have a gap of `near` [m] at most, with
+    the friction of these. Otherwise they are those that touch, and `soft` [m/N] are the compliances of held points and contacts, whose forces already balance
     (augmented Lagrangian).
     """
     is_exact = soft[0] == 0.0
@@ -44,7 +44,7 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     held = np.array([row for row in range(len(bond)) if is_active(bond, state.holds, row)], dtype=np.int64)
     contacts = np.flatnonzero(~is_far(state, view, near)) if is_exact else np.flatnonzero(state.touches)
     bent, rows, saddles = _bent(rod, state, view)
-    rubs = np.arange(len(state.ease)) if is_exact else np.flatnonzero(state.ease > 0.0)
+    rubs = _rubbing(rod, state, contacts) if is_exact else np.flatnonzero(state.ease > 0.0)
     first, last = len(held), len(held) + len(contacts)
     spread, stiffness = no_spread()
     inclined = spread
@@ -92,6 +92,18 @@ def is_far(state, view, near):  # type: ignore[no-untyped-def]
     for row in range(len(far)):
         far[row] = state.push[row] == 0.0 and not state.touches[row] and view.gap[row] > near
     return far
+
+
+@njit(cache=True, error_model="numpy")
+def _rubbing(rod, state, contacts):  # type: ignore[no-untyped-def]
+    """Which contacts with friction have one of these rows (m,), or a force along the surface."""
+    is_on = np.zeros(len(state.ease), dtype=np.bool_)
+    for k in range(len(is_on)):
+        is_on[k] = state.drag[k, 0] != 0.0 or state.drag[k, 1] != 0.0
+    for row in contacts:
+        if rod.touch["rub"][row] >= 0:
+            is_on[rod.touch["rub"][row]] = True
+    return np.flatnonzero(is_on)
 
 
 @njit(cache=True, error_model="numpy")

@@ -115,7 +115,7 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
         shift: [N] Added to the Hessian, times the length of each segment.
     """
     near = np.inf
-    if soft[0] == 0.0 and len(state.push) > 0 and len(rod.rub.rows) + len(rod.strands.distance) + len(rod.give) == 0:
+    if soft[0] == 0.0 and len(state.push) > 0 and len(rod.strands.distance) + len(rod.give) == 0:
         near = AHEAD * farthest_off(rod, state, view)
     step = step_with(rod, state, view, soft, shift, near)
     if near < np.inf and _closes_more(rod, state, view, step, near):
@@ -185,7 +185,9 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     force, push, touches, drag, sticks = state.force.copy(), state.push.copy(), state.touches.copy(), state.drag.copy(), state.sticks
     if is_exact and len(border.rubs) > 0:
         hard = SOFTNESS / rod.force_scale
-        change, closed, sticks, positive, rubbing = close_rubbing(rod, state, matrix_of_rows, right_of_rows, len(held), contacts, hard)
+        change, closed, slips_not, positive, rubbing = close_rubbing(rod, state, matrix_of_rows, right_of_rows, border, hard)
+        sticks = np.zeros(len(state.sticks), dtype=np.bool_)
+        sticks[border.rubs] = slips_not
     else:
         change, closed, positive = close(matrix_of_rows, right_of_rows, len(held), len(contacts), state.push[contacts], is_exact)
         rubbing = 2 * len(border.rubs)

@@ -24,6 +24,7 @@ from numba import njit
 from .closing import PATIENCE, part
 from .drag import drag_limit, sticks_at_rest
 from .held_by_friction import positive_and_held
+from .rod import Rub
 from .symmetric import solve_symmetric
 
 ROUNDS_MAX = 100
@@ -33,22 +34,22 @@ SPREAD = 1e-12  # of the largest entry of a row, by which contacts that say the 
 
 
 @njit(cache=True, error_model="numpy")
-def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ignore[no-untyped-def]
-    """Change of the force of every row: held points, contacts, curvature, then two of every contact that rubs.
+def close_rubbing(rod, state, matrix, right, border, hard):  # type: ignore[no-untyped-def]
+    """Change of the force of every row of a border: held points, contacts, curvature, then two of every contact that rubs.
 
     Args:
         rod: The system.
         state: Forces now acting.
         matrix: (count, count) S.
         right: (count,) r.
-        held: How many rows of held points there are.
-        contacts: (m,) Rows of contacts, all of them.
+        border: What the rows are: of m contacts, of which f rub.
         hard: [m/N] Compliance of what sticks.
 
     Returns:
         change (count,) of the forces, is_closed (m,), sticks (f,), and from `positive_and_held` what tells whether that is stable.
     """
-    count, many, rubs = len(right), len(contacts), len(rod.rub.rows)
+    contacts, held = border.contacts, len(border.held)
+    count, many, rubs = len(right), len(contacts), len(border.rubs)
     rows, last = np.arange(count), count - 2 * rubs
     free = np.concatenate((rows[held : held + many], rows[last:]))
     fixed = np.concatenate((rows[:held], rows[held + many : last]))
@@ -62,8 +63,9 @@ def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ign
         coupling = part(matrix, free, fixed)
         own = own - coupling @ np.ascontiguousarray(solved[:, : len(free)])
         rest = rest - coupling @ np.ascontiguousarray(solved[:, len(free)])
-    acting = np.concatenate((state.push[contacts], state.drag.reshape(-1)))
-    force, sticks = stick_slip(own, rest + own @ acting, np.ascontiguousarray(rod.touch["rub"]), rod.rub, hard, acting)
+    acting = np.concatenate((state.push[contacts], state.drag[border.rubs].reshape(-1)))
+    rub_of, rub = _those(rod, contacts, border.rubs)
+    force, sticks = stick_slip(own, rest + own @ acting, rub_of, rub, hard, acting)
     closed = force[:many] > 0.0
     change = np.zeros(count)
     change[free] = force - acting
@@ -71,6 +73,18 @@ def close_rubbing(rod, state, matrix, right, held, contacts, hard):  # type: ign
     slip = (own @ force - (rest + own @ acting))[many:] - hard * force[many:]
     positive, rubbing = positive_and_held(matrix, held, closed, sticks, force[many:], slip, hard)
     return change, closed, sticks, positive, rubbing
+
+
+@njit(cache=True, error_model="numpy")
+def _those(rod, contacts, rubs):  # type: ignore[no-untyped-def]
+    """Which of some contacts that rub each of some rows belongs to (m,), -1 for none, and the laws of those (f,)."""
+    place = np.full(len(rod.rub.rows), -1)
+    place[rubs] = np.arange(len(rubs))
+    rub_of = np.full(len(contacts), -1)
+    for k in range(len(contacts)):
+        rub = rod.touch["rub"][contacts[k]]
+        rub_of[k] = -1 if rub < 0 else place[rub]
+    return rub_of, Rub(rod.rub.rows[rubs], rod.rub.tables, rod.rub.time_step)
 
 
 @njit(cache=True, error_model="numpy")
