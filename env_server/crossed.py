@@ -1,9 +1,10 @@
 """Where the cables of a scene meet each other, as boundary conditions: the rows of all pairs that do not pass through each other.
 
 Two cables of the kind `contact` are one-sided to each other, as strands of one cable are (`self_boundary`): every place within reach is
-a row, the server decides which push, and no step may take one cable through another. Of two cables, or strands, of the kind `bond` what
-pushes once a step has settled is a knot from then on: the surfaces stick together at that point for good (the paper's F_inf between
-cables). Cables of different kinds, and all others, pass through each other.
+a row, the server decides which push, and no step may take one cable through another. With a coefficient they rub on each other, and so
+does a cable on itself (`held`). Of two cables, or strands, of the kind `bond` what pushes once a step has settled is a knot from then
+on: the surfaces stick together at that point for good (the paper's F_inf between cables). Cables of different kinds, and all others, pass
+through each other.
 """
 
 from __future__ import annotations
@@ -14,15 +15,14 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from protocol.kinds import SelfInteraction, SelfTouch
 from protocol.messages import CablePoints, CrossingReactions, Crossings, Shape
 from protocol.scene import Cable
 
-from .polyline import smooth_at
-from .self_boundary import NEAR, Meeting, all_have_rows, beside, handed_on, places_of
-from .self_touch import SelfCandidates, search_two
+from .held import NOT_YET, Held, Knot, knot_at
+from .self_boundary import NEAR, Meeting, all_have_rows, beside, handed_on, places_of, rubs
+from .self_touch import SelfCandidates, search, search_two
 
 if TYPE_CHECKING:
     from .hanging import Hanging
@@ -39,17 +39,9 @@ class Pair:
     first: int
     second: int
     distance: float  # m, of their axes when they touch
+    share: float  # of that, the radius of the first
     sticks: bool
-
-
-@dataclass(frozen=True)
-class Knot:
-    """Two places that stick, of two cables or of one."""
-
-    cable: tuple[int, int]
-    s: tuple[float, float]  # m
-    arm: np.ndarray  # (2, 3) m, from each axis to the common point, in the frame of its segment
-    force: np.ndarray  # (3,) N, on the first
+    mu: float  # 0 without friction
 
 
 @dataclass(frozen=True)
@@ -60,14 +52,18 @@ class Crossed:
     sticking: tuple[int, ...]  # cables that stick to themselves
     near: tuple[SelfCandidates, ...] = ()  # of every pair, once looked for
     knots: tuple[Knot, ...] = ()
+    held: Held = NOT_YET  # by friction
     pushes: CablePoints = NOTHING  # all that acts: knots too
 
     def looked(self, shapes: Sequence[Shape], room: float) -> Crossed:
         """With where the shapes are near each other; clearances are known up to `room` [m]."""
         near = []
         for pair in self.pairs:
-            nodes, reach = (shapes[pair.first].nodes, shapes[pair.second].nodes), 0.5 * NEAR * pair.distance
-            found = search_two(*nodes, pair.distance, reach, max(room, reach))
+            (first, second), reach = (shapes[pair.first], shapes[pair.second]), 0.5 * NEAR * pair.distance
+            if pair.first == pair.second:
+                found = search(first.nodes, first.s, 0.5 * pair.distance, reach, max(room, reach))
+            else:
+                found = search_two(first.nodes, second.nodes, pair.distance, reach, max(room, reach))
             near.append(beside(found, self._knotted(pair.first, pair.second, shapes)))
         return replace(self, near=tuple(near))
 
@@ -84,6 +80,7 @@ class Crossed:
         s = [_arc_lengths(found.place, shapes, pair) for pair, found in zip(self.pairs, self.near, strict=True)]
         force = [self._shared(pair, found, shapes) for pair, found in zip(self.pairs, self.near, strict=True)]
         distance = [np.full(len(found.gap), pair.distance) for pair, found in zip(self.pairs, self.near, strict=True)]
+        rubbing = [self.held.rows((p.first, p.second), p.share, p.mu, own) for p, own in zip(self.pairs, s, strict=True)]
         more = len(self.knots)
         return Crossings(
             cable=np.vstack([*cable, *(np.array([knot.cable]) for knot in self.knots)]).astype(np.int64),
@@ -92,18 +89,21 @@ class Crossed:
             normal=np.vstack([*(found.normal for found in self.near), *([UP] * more)]),
             distance=np.concatenate([*distance, np.zeros(more)]),
             force=np.vstack([*force, *(knot.force for knot in self.knots)]),
-            arm=np.vstack([np.zeros((count, 6)), *(knot.arm.reshape(1, 6) for knot in self.knots)]),
+            arm=np.vstack([*(rows.arm for rows in rubbing), *(knot.arm.reshape(1, 6) for knot in self.knots)]),
+            mu=np.concatenate([*(rows.mu for rows in rubbing), np.zeros(more)]),
+            held=np.vstack([*(rows.s for rows in rubbing), np.zeros((more, 2))]),
+            drag=np.vstack([*(rows.drag for rows in rubbing), np.zeros((more, 3))]),
         )
 
     def after(self, asked: Crossings | None, reactions: CrossingReactions | None) -> Crossed:
         """With what the shape server's answer says of the rows that it was asked about."""
         if asked is None or reactions is None:
-            return replace(self, pushes=NOTHING)
+            return replace(self, pushes=NOTHING, held=self.held.hears(None, None))
         on = np.flatnonzero((reactions.force != 0.0).any(axis=1))
         pushes = CablePoints(cable=asked.cable[on], s=reactions.s[on], point=reactions.point[on], force=reactions.force[on])
         first = len(asked.kind) - len(self.knots)
         knots = tuple(replace(knot, force=reactions.force[first + k]) for k, knot in enumerate(self.knots))
-        return replace(self, knots=knots, pushes=pushes)
+        return replace(self, knots=knots, pushes=pushes, held=self.held.hears(asked, reactions))
 
     def is_settled(self, asked: Crossings | None, shapes: Sequence[Shape]) -> bool:
         """Whether no two cables are in each other but where the server was asked to keep them apart, on the side where they were."""
@@ -128,9 +128,10 @@ class Crossed:
         return share
 
     def accepted(self, cables: Sequence[Hanging]) -> Crossed:
-        """With every push between places that stick turned into a knot, where none is near; once a step has settled."""
+        """With every push between places that stick turned into a knot, where none is near, and held where it now rubs; once settled."""
         shapes, knots = [cable.shape for cable in cables], list(self.knots)
         radii = [cable.boundary.radius for cable in cables]
+        held = self.held.after(shapes, {(p.first, p.second): p.share for p in self.pairs}) if any(p.mu for p in self.pairs) else NOT_YET
         acting = zip(self.pushes.cable.tolist(), self.pushes.s.tolist(), self.pushes.force, strict=True)
         pushes = [(tuple(pair), tuple(s), force) for pair, s, force in acting]
         pushes = [push for push in pushes if any(p.sticks and (p.first, p.second) == push[0] for p in self.pairs)]
@@ -141,8 +142,8 @@ class Crossed:
         for pair, s, force in pushes:
             size = [APART * float(np.diff(shapes[index].s).max()) for index in pair]
             if not any(k.cable == pair and all(abs(k.s[side] - s[side]) < size[side] for side in range(2)) for k in knots):
-                knots.append(_knot(pair, s, force, shapes, radii))
-        return replace(self, knots=tuple(knots))
+                knots.append(knot_at(pair, s, force, shapes, radii[pair[0]] / (radii[pair[0]] + radii[pair[1]])))
+        return replace(self, knots=tuple(knots), held=held)
 
     def _knotted(self, first: int, second: int, shapes: Sequence[Shape] | Mapping[int, Shape]) -> np.ndarray:
         """Places (b, 2) [segments from the start] of the knots of two cables, or of one with itself."""
@@ -158,13 +159,14 @@ class Crossed:
 def crossed_of(cables: Sequence[Cable]) -> Crossed | None:
     """What there is to be looked for among the cables of a scene; None if all of them pass through each other."""
     kinds, both = [cable.self_interaction for cable in cables], (SelfInteraction.CONTACT, SelfInteraction.BOND)
-    pairs = tuple(
-        Pair(i, j, 0.5 * (cables[i].diameter + cables[j].diameter), kinds[i] is SelfInteraction.BOND)
-        for i, j in combinations(range(len(cables)), 2)
-        if kinds[i] is kinds[j] and kinds[i] in both
-    )
+    pairs = [Pair(i, i, cable.diameter, 0.5, False, cable.friction_coefficient or 0.0) for i, cable in enumerate(cables) if rubs(cable)]
+    for (i, one), (j, other) in combinations(enumerate(cables), 2):
+        if kinds[i] is kinds[j] and kinds[i] in both:
+            both_radii = one.diameter + other.diameter
+            mu = min(one.friction_coefficient or 0.0, other.friction_coefficient or 0.0)
+            pairs.append(Pair(i, j, 0.5 * both_radii, one.diameter / both_radii, kinds[i] is SelfInteraction.BOND, mu))
     sticking = tuple(index for index, kind in enumerate(kinds) if kind is SelfInteraction.BOND)
-    return Crossed(pairs, sticking) if pairs or sticking else None
+    return Crossed(tuple(pairs), sticking) if pairs or sticking else None
 
 
 def _arc_lengths(place: np.ndarray, shapes: Sequence[Shape], pair: Pair) -> np.ndarray:
@@ -177,18 +179,3 @@ def _places(arc_lengths: np.ndarray, shapes: Sequence[Shape], pair: Pair) -> np.
     """Places (m, 2), counted in segments, of arc lengths [m]."""
     sides = zip(arc_lengths.T, (shapes[pair.first].s, shapes[pair.second].s), strict=True)
     return np.column_stack([places_of(own, s) for own, s in sides])
-
-
-def _knot(pair: tuple[int, int], s: tuple[float, float], force: np.ndarray, shapes: Sequence[Shape], radii: Sequence[float]) -> Knot:
-    """Two places that push each other, stuck together at the point between their surfaces."""
-    axes = [smooth_at(shapes[index], np.array([own]))[0] for index, own in zip(pair, s, strict=True)]
-    share = radii[pair[0]] / (radii[pair[0]] + radii[pair[1]])
-    point, arms = axes[0] + share * (axes[1] - axes[0]), []
-    for index, own, axis in zip(pair, s, axes, strict=True):
-        shape = shapes[index]
-        middles = 0.5 * (shape.s[1:] + shape.s[:-1])
-        first = min(max(int(np.searchsorted(middles, own)) - 1, 0), len(middles) - 2)
-        last = float(np.clip((own - middles[first]) / (middles[first + 1] - middles[first]), 0.0, 1.0))
-        before, after = Rotation.from_quat(shape.frames[first : first + 2]).as_matrix()
-        arms.append(np.linalg.solve((1.0 - last) * before + last * after, point - axis))
-    return Knot(pair, s, np.array(arms), force)

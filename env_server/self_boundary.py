@@ -71,18 +71,23 @@ class Meeting:
 
 
 def meet(cable: Cable, shape: Shape, room: float) -> Meeting | None:
-    """Where a cable is near itself; None for a cable that does not care.
+    """Where a cable is near itself; None for a cable that does not care, or that rubs on itself (`crossed`).
 
     Args:
         cable: Which one.
         shape: With what it did to itself.
         room: [m] Gap up to which it may move without a look; places within `NEAR` radii are handed to the shape server.
     """
-    if cable.self_interaction not in (SelfInteraction.CONTACT, SelfInteraction.BOND):
+    if cable.self_interaction not in (SelfInteraction.CONTACT, SelfInteraction.BOND) or rubs(cable):
         return None
     radius = 0.5 * cable.diameter
     reactions = shape.self_reactions if shape.self_reactions is not None else NO_REACTIONS
     return Meeting(radius, search(shape.nodes, shape.s, radius, NEAR * radius, max(room, NEAR * radius)), reactions)
+
+
+def rubs(cable: Cable) -> bool:
+    """Whether its strands rub on each other."""
+    return cable.self_interaction is SelfInteraction.CONTACT and bool(cable.friction_coefficient)
 
 
 def beside(found: SelfCandidates, knots: np.ndarray) -> SelfCandidates:

@@ -7,5 +7,5 @@ from typing import Final
 PROJECT: Final = "cablecosim"
 """Tells this package from the unrelated distribution on PyPI whose import name is also ``protocol``."""
 
-VERSION: Final = 4
+VERSION: Final = 5
 """Version of the messages; programs with different versions refuse each other with a sentence."""

@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Gt, Le, MinLen
 
+from .friction import COEFFICIENT_MAX
 from .kinds import Hold, SelfInteraction
 
 Vector = tuple[float, float, float]
@@ -77,6 +78,7 @@ class Cable:
     micro_length: Annotated[Positive, Le(LENGTH_MAX), Unit("m")] | None = None  # of the gradient of curvature
     bend_radius: Annotated[Positive, Le(LENGTH_MAX), Unit("m")] | None = None  # least radius to which the axis bends
     self_interaction: SelfInteraction = SelfInteraction.TRANSPARENT
+    friction_coefficient: Annotated[float, Ge(0), Le(COEFFICIENT_MAX)] | None = None  # mu of its strands, and of it on other cables
     sections: tuple[Section, ...] = ()
     masses: tuple[LumpedMass, ...] = ()
 
@@ -103,6 +105,9 @@ def cable_mistakes(cable: Cable) -> Iterator[tuple[str, str]]:
         yield "self_interaction", f"self_interaction: '{kind.value}' needs a cable with 'bending' and 'twist'; give it both"
     if kind in (SelfInteraction.CONTACT, SelfInteraction.BOND) and cable.stretch is not None:
         yield "self_interaction", f"self_interaction: '{kind.value}' of a cable that stretches is not built; leave out 'stretch'"
+    if cable.friction_coefficient is not None and kind is not SelfInteraction.CONTACT:
+        what = "of a cable against itself and other cables, which goes with self_interaction 'contact'"
+        yield "friction_coefficient", f"friction_coefficient: given with self_interaction '{kind.value}'; it is that {what}"
     if kind is SelfInteraction.FICTITIOUS and cable.bend_radius is None:
         yield "self_interaction", "self_interaction: 'fictitious' needs 'bend_radius', the least radius to which the cable bends; give it"
     if cable.natural_curvature is not None and not all(abs(value) < CURVATURE_MAX for value in cable.natural_curvature):

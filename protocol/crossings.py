@@ -1,4 +1,4 @@
-"""Where cables touch each other, or one sticks to itself: what a request asks about, and what the reply says of it.
+"""Where cables touch each other, or one sticks to itself or rubs on itself: what a request asks about, and what the reply says of it.
 
 These contacts belong to two cables of a request at once, and therefore to the request, not to a problem. Of a row the first cable bears the
 force, the second its opposite, on one line: what a pair of cables does to each other neither moves nor turns it as a whole.
@@ -10,6 +10,7 @@ import numpy as np
 
 from .checks import CONTACTS_MAX, EXTENT_MAX, GRASPS_MAX, HUGE, check_count, check_floats, check_integers, check_units
 from .errors import MessageError
+from .friction import COEFFICIENT_MAX
 from .kinds import SelfTouch
 from .part import Part
 
@@ -17,13 +18,16 @@ from .part import Part
 class Crossings(Part, frozen=True):
     """Places where two cables touch or may do so, or where one sticks to itself, one row each; see `SelfTouch` for the kinds."""
 
-    cable: np.ndarray  # (k, 2) int, problems of the request; the same one twice only of places that stick
+    cable: np.ndarray  # (k, 2) int, problems of the request; the same one twice of places where it sticks to itself or rubs on itself
     s: np.ndarray  # (k, 2) m, arc lengths of both places
     kind: np.ndarray  # (k,) int, a `SelfTouch`
     normal: np.ndarray  # (k, 3) unit, from the second place to the first: which cable is on which side
     distance: np.ndarray  # (k,) m, between the axes when they touch
     force: np.ndarray  # (k, 3) N, on the first cable, and against it on the second; what to start from
-    arm: np.ndarray  # (k, 6) m, where they stick: from each axis to the common point, in the directors there; zero where they touch
+    arm: np.ndarray  # (k, 6) m, where they stick or rub: from each axis to the common point, in the directors there; else zero
+    mu: np.ndarray  # (k,) coefficient of Coulomb's friction where they touch; zero without, and where they stick
+    held: np.ndarray  # (k, 2) m, arc lengths of the points that were held together by friction; of no meaning without
+    drag: np.ndarray  # (k, 3) N, friction on the first cable, and against it on the second; what to start from
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
@@ -38,11 +42,16 @@ class Crossings(Part, frozen=True):
         check_floats("crossings.distance", self.distance, (count,), EXTENT_MAX)
         check_floats("crossings.force", self.force, (count, 3), 1e9)
         check_floats("crossings.arm", self.arm, (count, 6), EXTENT_MAX)
+        check_floats("crossings.mu", self.mu, (count,), COEFFICIENT_MAX)
+        check_floats("crossings.held", self.held, (count, 2), EXTENT_MAX)
+        check_floats("crossings.drag", self.drag, (count, 3), 1e9)
         check_units("crossings.normal", self.normal)
-        if (self.cable[self.kind != SelfTouch.BOND, 0] == self.cable[self.kind != SelfTouch.BOND, 1]).any():
-            raise MessageError(
-                "crossings.cable: a row within one cable must be of places that stick; others are its self_contacts", key="crossings.cable"
-            )
+        if (self.mu < 0.0).any() or self.mu[self.kind == SelfTouch.BOND].any():
+            what = "crossings.mu: must be 0 or more where cables touch, and 0 where they stick"
+            raise MessageError(what, key="crossings.mu")
+        is_without_arm = (self.arm.reshape(count, 2, 3) == 0.0).all(axis=2).any(axis=1)
+        if is_without_arm[(self.mu > 0.0) | (self.kind == SelfTouch.BOND)].any():
+            raise MessageError("crossings.arm: must not be zero where cables stick or rub", key="crossings.arm")
 
 
 class CrossingReactions(Part, frozen=True):
@@ -52,10 +61,16 @@ class CrossingReactions(Part, frozen=True):
     force: np.ndarray  # (k, 3) N, on the first cable; the opposite acts on the second
     point: np.ndarray  # (k, 3) m, where it acts
     gap: np.ndarray  # (k,) m; of places that stick, how far they are off each other
+    drag: np.ndarray  # (k, 3) N, friction, a part of `force`
+    lag: np.ndarray  # (k, 3) m, from the second of two held points to the first, where they are held from now on
+    is_sticking: np.ndarray  # (k,) int, 1 if friction holds the points that it held, 0 if they slide or nothing rubs
 
     def __post_init__(self) -> None:
         """Check shapes and ranges."""
         count = len(self.s)
+        check_floats("crossings.drag", self.drag, (count, 3), HUGE)
+        check_floats("crossings.lag", self.lag, (count, 3), EXTENT_MAX)
+        check_integers("crossings.is_sticking", self.is_sticking, count, 0, 1)
         check_floats("crossings.s", self.s, (count, 2), EXTENT_MAX)
         check_floats("crossings.force", self.force, (count, 3), HUGE)
         check_floats("crossings.point", self.point, (count, 3), EXTENT_MAX)
@@ -85,5 +100,6 @@ def check_crossings(crossings: Crossings, lengths: tuple[float, ...]) -> None:
         return
     if crossings.cable.max() >= len(lengths):
         raise MessageError(f"crossings.cable: {crossings.cable.max()} must be below {len(lengths)}, the problems", key="crossings.cable")
-    if (crossings.s < 0.0).any() or (crossings.s > np.array(lengths)[crossings.cable]).any():
-        raise MessageError("crossings.s: must lie from 0 to the length of the cable", key="crossings.s")
+    for name, s in (("s", crossings.s), ("held", crossings.held)):
+        if (s < 0.0).any() or (s > np.array(lengths)[crossings.cable]).any():
+            raise MessageError(f"crossings.{name}: must lie from 0 to the length of the cable", key=f"crossings.{name}")

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from .inclined import inclined_rows
-from .rod import is_active
+from .rod import Rub, is_active
 from .strand_rows import Spread, no_spread, strand_rows
 
 SOFTNESS = 1e-7  # m by which a contact or bond gives way under the typical force
@@ -36,8 +36,8 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     """All rows at a state.
 
     Contacts are those that may push: with exact rows, for which `soft` is (0, 0), all that push or have a gap of `near` [m] at most, with
-    the friction of these. Otherwise they are those that touch, and `soft` [m/N] are the compliances of held points and contacts, whose forces already balance
-    (augmented Lagrangian).
+    the friction of these. Otherwise they are those that touch, and `soft` [m/N] are the compliances of held points and contacts, whose
+    forces already balance (augmented Lagrangian).
     """
     is_exact = soft[0] == 0.0
     points, bond = rod.held.rows, rod.held.rows["bond"]
@@ -104,6 +104,18 @@ def _rubbing(rod, state, contacts):  # type: ignore[no-untyped-def]
         if rod.touch["rub"][row] >= 0:
             is_on[rod.touch["rub"][row]] = True
     return np.flatnonzero(is_on)
+
+
+@njit(cache=True, error_model="numpy")
+def laws_among(rod, contacts, rubs):  # type: ignore[no-untyped-def]
+    """Which of some contacts that rub each of some rows belongs to (m,), -1 for none, and the laws of those (f,)."""
+    place = np.full(len(rod.rub.rows), -1)
+    place[rubs] = np.arange(len(rubs))
+    rub_of = np.full(len(contacts), -1)
+    for k in range(len(contacts)):
+        rub = rod.touch["rub"][contacts[k]]
+        rub_of[k] = -1 if rub < 0 else place[rub]
+    return rub_of, Rub(rod.rub.rows[rubs], rod.rub.tables, rod.rub.time_step)
 
 
 @njit(cache=True, error_model="numpy")

@@ -63,9 +63,9 @@ def warm_up() -> float:
 def _compile_beside(is_stepping: Event, has_read: Event, has_settled: Event) -> None:
     """Compile what the Newton step needs of friction and what reads a state; then, with the Newton step, what settles."""
     rod, state, view = _begun()
-    rows = len(state.force) + len(state.push) + 2 * len(state.drag)
-    contacts = np.arange(len(state.push))
-    close_rubbing(rod, state, np.eye(rows), np.zeros(rows), len(state.force), contacts, SOFTNESS / rod.force_scale)
+    border = numpy_path.border_rows(rod, state, view, EXACT, np.inf)
+    rows = len(border.element)
+    close_rubbing(rod, state, np.eye(rows), np.zeros(rows), border, SOFTNESS / rod.force_scale)
     has_read.set()
     kernels.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
     kernels.section_forces(rod, state, view)

@@ -1,4 +1,4 @@
-"""Where cables meet one another, one-sided: the geometry of `strands` between the axes of two cables.
+"""Where cables meet one another, one-sided: the geometry of `strands` between the axes of two cables, or of one that rubs on itself.
 
 A row for each cell of the first cable: its place slides within half a segment of a node, that on the second cable along all of it. With n
 from the second axis to the first, u the motion of both places and f the force of the row,
@@ -19,9 +19,11 @@ import numpy as np
 
 from protocol.messages import Crossings
 
+from .contact_geometry import FAR
 from .equilibrium import GIVE_MAX
 from .mesh import Mesh
 from .strand_rows import WEAK
+from .strands import BEND
 
 Array = np.ndarray
 MANY: Final = 4  # rows of curvature that a contact may have
@@ -34,6 +36,7 @@ class Crossing:
     cable: Array  # (k, 2) int
     cell: Array  # (k, 2) how far the first place slides
     distance: Array  # (k,) m
+    s: tuple[Array, ...]  # (n,) m, arc length of the nodes of every cable
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ def rows(asked: Crossings, chosen: Array, meshes: Sequence[Mesh]) -> tuple[Cross
     cell = np.column_stack([np.maximum(node - 0.5, 0.0), np.minimum(node + 0.5, last)])
     push = np.maximum(np.einsum("ij,ij->i", asked.force[chosen], asked.normal[chosen]), 0.0)
     begun = Met(place, np.array(asked.normal[chosen]), np.zeros(len(chosen)))
-    return Crossing(cable, cell, np.array(asked.distance[chosen])), begun, push
+    return Crossing(cable, cell, np.array(asked.distance[chosen]), tuple(mesh.s for mesh in meshes)), begun, push
 
 
 def meet(path: ModuleType, crossing: Crossing, nodes: Sequence[Array], before: Met) -> Met:
@@ -75,7 +78,11 @@ def meet(path: ModuleType, crossing: Crossing, nodes: Sequence[Array], before: M
     weights, one, other = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for k, (first, second) in enumerate(crossing.cable.tolist()):
         own, others = nodes[first], nodes[second]
-        place[k] = path.slide(own, others, place[k, 0], place[k, 1], crossing.cell[k], weights, one, other)
+        found = path.slide(own, others, place[k, 0], place[k, 1], crossing.cell[k], weights, one, other)
+        if first == second and abs(np.diff(np.interp(found, np.arange(len(own)), crossing.s[first]))[0]) < BEND * crossing.distance[k]:
+            gap[k] = FAR  # places of one cable that slide into each other: between them is but a bend
+            continue
+        place[k] = found
         gap[k] = path.apart(one, other, crossing.distance[k], normal[k])
     return Met(place, normal, gap)
 

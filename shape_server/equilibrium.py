@@ -123,7 +123,7 @@ def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
         shortens = iteration == 1 or longest < SHORTENS * last
         last = longest
         turn_done = TURN_DONE if is_stable and shortens and _is_near(rod, state, view, step, longest, miss) else TURN_EXACT
-        is_lawful = _keeps_laws(rod, state, view)
+        is_lawful = keeps_laws(rod, state, view)
         known = is_lawful and change < FORCE_DONE * rod.force_scale
         if scale == 1.0 and longest < turn_done and known and miss < MISS_DONE * rod.length:
             return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE, longest)
@@ -262,7 +262,7 @@ def advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _keeps_laws(rod, state, view):  # type: ignore[no-untyped-def]
+def keeps_laws(rod, state, view):  # type: ignore[no-untyped-def]
     """Whether every contact with friction sticks or slides by its law, as nearly as held points are held and forces known."""
     if len(state.drag) == 0:
         return True

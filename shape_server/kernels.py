@@ -21,6 +21,7 @@ from .elimination import factor_and_solve as factor_and_solve
 from .equilibrium import advance as advance
 from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import descend as descend
+from .equilibrium import keeps_laws as keeps_laws
 from .equilibrium import kick as kick
 from .equilibrium import settle as settle
 from .equilibrium import settle_on as settle_on
@@ -42,6 +43,7 @@ from .section_forces import section_forces as section_forces
 from .section_forces import twist_of as twist_of
 from .smoothing import add_smoothing as add_smoothing
 from .smoothing import smoothing_energy as smoothing_energy
+from .stick_slip import close_with_friction as close_with_friction
 from .stick_slip import stick_slip as stick_slip
 from .strand_rows import add_spread as add_spread
 from .strand_rows import curvature as curvature

@@ -21,10 +21,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .border import laws_among
 from .closing import PATIENCE, part
 from .drag import drag_limit, sticks_at_rest
 from .held_by_friction import positive_and_held
-from .rod import Rub
 from .symmetric import solve_symmetric
 
 ROUNDS_MAX = 100
@@ -35,21 +35,30 @@ SPREAD = 1e-12  # of the largest entry of a row, by which contacts that say the 
 
 @njit(cache=True, error_model="numpy")
 def close_rubbing(rod, state, matrix, right, border, hard):  # type: ignore[no-untyped-def]
-    """Change of the force of every row of a border: held points, contacts, curvature, then two of every contact that rubs.
+    """`close_with_friction` for the rows of one rod, as they are in its border."""
+    rub_of, rub = laws_among(rod, border.contacts, border.rubs)
+    push, drag = state.push[border.contacts], state.drag[border.rubs]
+    return close_with_friction(matrix, right, len(border.held), push, drag, rub_of, rub, hard)
+
+
+@njit(cache=True, error_model="numpy")
+def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # type: ignore[no-untyped-def]
+    """Change of the force of every row: held points, contacts, curvature, then two of every contact that rubs.
 
     Args:
-        rod: The system.
-        state: Forces now acting.
         matrix: (count, count) S.
         right: (count,) r.
-        border: What the rows are: of m contacts, of which f rub.
+        held: How many rows of held points there are.
+        push: (m,) [N] Forces now acting at the contacts.
+        drag: (f, 2) [N] Friction now acting.
+        rub_of: (m,) Which contact that rubs each contact belongs to, -1 for none.
+        rub: Laws of the contacts that rub.
         hard: [m/N] Compliance of what sticks.
 
     Returns:
         change (count,) of the forces, is_closed (m,), sticks (f,), and from `positive_and_held` what tells whether that is stable.
     """
-    contacts, held = border.contacts, len(border.held)
-    count, many, rubs = len(right), len(contacts), len(border.rubs)
+    count, many, rubs = len(right), len(push), len(drag)
     rows, last = np.arange(count), count - 2 * rubs
     free = np.concatenate((rows[held : held + many], rows[last:]))
     fixed = np.concatenate((rows[:held], rows[held + many : last]))
@@ -63,8 +72,7 @@ def close_rubbing(rod, state, matrix, right, border, hard):  # type: ignore[no-u
         coupling = part(matrix, free, fixed)
         own = own - coupling @ np.ascontiguousarray(solved[:, : len(free)])
         rest = rest - coupling @ np.ascontiguousarray(solved[:, len(free)])
-    acting = np.concatenate((state.push[contacts], state.drag[border.rubs].reshape(-1)))
-    rub_of, rub = _those(rod, contacts, border.rubs)
+    acting = np.concatenate((push, drag.reshape(-1)))
     force, sticks = stick_slip(own, rest + own @ acting, rub_of, rub, hard, acting)
     closed = force[:many] > 0.0
     change = np.zeros(count)
@@ -73,18 +81,6 @@ def close_rubbing(rod, state, matrix, right, border, hard):  # type: ignore[no-u
     slip = (own @ force - (rest + own @ acting))[many:] - hard * force[many:]
     positive, rubbing = positive_and_held(matrix, held, closed, sticks, force[many:], slip, hard)
     return change, closed, sticks, positive, rubbing
-
-
-@njit(cache=True, error_model="numpy")
-def _those(rod, contacts, rubs):  # type: ignore[no-untyped-def]
-    """Which of some contacts that rub each of some rows belongs to (m,), -1 for none, and the laws of those (f,)."""
-    place = np.full(len(rod.rub.rows), -1)
-    place[rubs] = np.arange(len(rubs))
-    rub_of = np.full(len(contacts), -1)
-    for k in range(len(contacts)):
-        rub = rod.touch["rub"][contacts[k]]
-        rub_of[k] = -1 if rub < 0 else place[rub]
-    return rub_of, Rub(rod.rub.rows[rubs], rod.rub.tables, rod.rub.time_step)
 
 
 @njit(cache=True, error_model="numpy")

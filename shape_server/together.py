@@ -1,4 +1,6 @@
-"""All cables of a request: those that touch or stick to each other are solved together, the others each for itself.
+"""All cables of a request: those that touch, rub on or stick to each other are solved together, the others each for itself.
+
+Cables that did not touch are solved each for itself first, and together only if they would be in each other then.
 
 `coupled` has the equations. Every cable keeps the nodes of its start shape, and the same is solved on every second of them for the
 estimate of the error. What a cable bears from the others counts as its load in what is answered about it.
@@ -17,11 +19,12 @@ import numpy as np
 from protocol.kinds import Outcome, SelfTouch
 from protocol.messages import CrossingReactions, Crossings, Problem, Shape, ShapeRequest
 
-from . import coupled, crossing, effects, knots, pieces
+from . import coupled, crossing, effects, knots, pieces, strand_friction
 from .answer import no_shape, rod_shape
-from .coupled import Group
+from .crossing import Met
 from .descent import Progress
 from .equilibrium import DONE, UNSTABLE, WHY
+from .joint import Forces, Group
 from .mesh import Mesh, from_nodes, halved
 from .refine import judged
 from .richardson import transfer
@@ -31,6 +34,8 @@ from .strands import point_at
 from .task import Solution, Task
 
 EFFECT: Final = "crossing"  # among the effects of a shape
+LEAST_NODES: Final = 3  # of a smooth axis
+SAME_SIDE: Final = 0.5  # cosine, by which a normal may turn
 
 
 def answers(
@@ -42,7 +47,15 @@ def answers(
         return tuple(answer(problem, request, path, progress) for problem in request.problems), None
     shapes: dict[int, Shape] = {}
     count = len(asked.kind)
-    reactions = CrossingReactions(s=asked.s.copy(), force=np.zeros((count, 3)), point=np.zeros((count, 3)), gap=np.zeros(count))
+    reactions = CrossingReactions(
+        s=asked.s.copy(),
+        force=np.zeros((count, 3)),
+        point=np.zeros((count, 3)),
+        gap=np.zeros(count),
+        drag=np.zeros((count, 3)),
+        lag=np.zeros((count, 3)),
+        is_sticking=np.zeros(count, dtype=np.int64),
+    )
     for members in _groups(asked):
         own = _together(request, asked, members, path, progress, reactions)
         shapes.update(zip(members, own, strict=True))
@@ -67,8 +80,16 @@ def _together(
 ) -> list[Shape]:
     """The shapes of one group; what they do to each other goes into `reactions`."""
     problems = [request.problems[index] for index in members]
+    rows = np.flatnonzero(np.isin(asked.cable[:, 0], members))
+    asked = _renumbered(asked, rows, members)
+    if not (asked.force.any() or (asked.kind == SelfTouch.BOND).any()):
+        apart = _apart(request, asked, problems, path, progress)
+        if apart is not None:
+            shapes, met = apart
+            reactions.s[rows], reactions.gap[rows] = _places(asked, [shape.s for shape in shapes], met), met.gap
+            return shapes
     used = [effects.asked_for(problem, request.gravity) for problem in problems]
-    what = "touches another cable" if len(members) > 1 else "sticks to itself"
+    what = "touches another cable" if len(members) > 1 else "sticks to itself or rubs on itself"
     sentence = next((f"cable '{problem.cable.name}' {what} and {why}" for problem in problems if (why := _not_built(problem))), "")
     if sentence:
         return [no_shape(*item, Outcome.UNSUPPORTED, sentence, "rod", 0.0) for item in zip(problems, used, strict=True)]
@@ -76,12 +97,10 @@ def _together(
         Task(problem, request.gravity, request.tolerance, None, False, request.margin, own, path, progress)
         for problem, own in zip(problems, used, strict=True)
     ]
-    rows = np.flatnonzero(np.isin(asked.cable[:, 0], members))
-    asked = _renumbered(asked, rows, members)
     meshes = [_mesh(problem) for problem in problems]
-    group, met, push, pull = _equations(tasks, meshes, asked)
+    group, begun = _equations(tasks, meshes, asked)
     states = [system.start(frames) for system, frames in zip(group.systems, _frames(problems), strict=True)]
-    found = coupled.settle(group, coupled.begin(group, states, met, push, pull))
+    found = coupled.settle(group, coupled.begin(group, states, begun))
     if not found.is_good:
         why = f"{_named(problems)}: {WHY[found.why]}"
         outcome = Outcome.UNSTABLE if found.why == UNSTABLE else Outcome.NOT_CONVERGED
@@ -92,10 +111,26 @@ def _together(
     return [_shape(task, fine[i], None if coarse is None else coarse[i], found, i) for i, task in enumerate(tasks)]
 
 
+def _apart(
+    request: ShapeRequest, asked: Crossings, problems: Sequence[Problem], path: ModuleType, progress: Progress
+) -> tuple[list[Shape], Met] | None:
+    """The shapes of cables that did not touch, each for itself; None if they do now, or if one of them has come to another side."""
+    shapes = [answer(problem, request, path, progress) for problem in problems]
+    if any(shape.outcome is not Outcome.CONVERGED or len(shape.s) < LEAST_NODES for shape in shapes):
+        return None
+    meshes = [
+        from_nodes(np.array(shape.s), problem.cable.length, problem.grasps.s) for shape, problem in zip(shapes, problems, strict=True)
+    ]
+    touching, met, _ = crossing.rows(asked, np.arange(len(asked.kind)), meshes)
+    met = crossing.meet(path, touching, [np.ascontiguousarray(shape.nodes) for shape in shapes], met)
+    is_beside = np.einsum("kx,kx->k", met.normal, asked.normal) > SAME_SIDE
+    return (shapes, met) if is_beside.all() and met.gap.min(initial=0.0) >= 0.0 else None
+
+
 def _named(problems: Sequence[Problem]) -> str:
     """Which cables these are, and why they are solved as one system."""
     names = [f"'{problem.cable.name}'" for problem in problems]
-    return f"cable {names[0]}, stuck to itself" if len(names) == 1 else f"cables {' and '.join(names)}, which touch each other, together"
+    return f"cable {names[0]} with itself" if len(names) == 1 else f"cables {' and '.join(names)}, which touch each other, together"
 
 
 def _not_built(problem: Problem) -> str:
@@ -108,8 +143,6 @@ def _not_built(problem: Problem) -> str:
         return "has no start shape, which says on which side it is: give 'start'"
     if len(pieces.cuts(problem)) > 2:
         return "has clamps along its way, which is not built: hold it there by hinges"
-    if effects.rubs(problem):
-        return "rubs on a body, which is not built: give the body friction 'none' or 'bond'"
     return ""
 
 
@@ -128,13 +161,17 @@ def _frames(problems: Sequence[Problem]) -> list[np.ndarray]:
     return [np.array(problem.start.frames) for problem in problems if problem.start is not None]
 
 
-def _equations(tasks: Sequence[Task], meshes: Sequence[Mesh], asked: Crossings) -> tuple[Group, crossing.Met, np.ndarray, np.ndarray]:
-    """The equations on these meshes, where the cables meet to begin with, and the forces of what touches and of what sticks."""
+def _equations(tasks: Sequence[Task], meshes: Sequence[Mesh], asked: Crossings) -> tuple[Group, Forces]:
+    """The equations on these meshes, and where the cables meet to begin with, with what they do to each other."""
     sticks = asked.kind == SelfTouch.BOND
     touching, met, push = crossing.rows(asked, np.flatnonzero(~sticks), meshes)
-    systems = tuple(task.system(mesh) for task, mesh in zip(tasks, meshes, strict=True))
-    tied, pull = knots.knots(asked, np.flatnonzero(sticks), meshes, [system.rod for system in systems])
-    return Group(tasks[0].path, systems, touching, tied), met, push, pull
+    systems = [task.system(mesh) for task, mesh in zip(tasks, meshes, strict=True)]
+    scale = max(system.rod.force_scale for system in systems)  # of all, so that all contacts are as hard
+    systems = [replace(system, rod=system.rod._replace(force_scale=scale)) for system in systems]
+    rods = [system.rod for system in systems]
+    tied, pull = knots.knots(asked, np.flatnonzero(sticks), meshes, rods)
+    rubbing, drag = strand_friction.rubs(asked, np.flatnonzero(~sticks), meshes, rods)
+    return Group(tasks[0].path, tuple(systems), touching, tied, rubbing), Forces(met, push, pull, drag)
 
 
 def _solutions(tasks: Sequence[Task], group: Group, found: coupled.Outcome) -> list[Solution]:
@@ -149,11 +186,12 @@ def _solutions(tasks: Sequence[Task], group: Group, found: coupled.Outcome) -> l
 
 def _coarser(tasks: Sequence[Task], meshes: Sequence[Mesh], asked: Crossings, fine: Group, found: coupled.Outcome) -> list[Solution] | None:
     """The same shapes on every second node, for the estimate; None if these do not converge."""
-    asked = msgspec.structs.replace(asked, force=_forces(asked, found), s=_places(asked, fine, found, meshes))
-    group, met, push, pull = _equations(tasks, [halved(mesh) for mesh in meshes], asked)
+    force, drag = _forces(asked, fine, found)
+    asked = msgspec.structs.replace(asked, force=force, drag=drag, s=_places(asked, [mesh.s for mesh in meshes], found.now.met))
+    group, begun = _equations(tasks, [halved(mesh) for mesh in meshes], asked)
     pairs = zip(group.systems, fine.systems, found.now.states, strict=True)
     states = [transfer(group.path, coarse, system, State(*state)) for coarse, system, state in pairs]
-    near = coupled.compare(group, coupled.begin(group, states, met, push, pull))
+    near = coupled.compare(group, coupled.begin(group, states, begun))
     return _solutions(tasks, group, near) if near.why == DONE else None
 
 
@@ -167,21 +205,22 @@ def _shape(task: Task, fine: Solution, coarse: Solution | None, found: coupled.O
     return msgspec.structs.replace(shape, energy=energy, residual=found.unbalanced, effects=(*shape.effects, EFFECT))
 
 
-def _forces(asked: Crossings, found: coupled.Outcome) -> np.ndarray:
-    """Forces (k, 3) [N] of all rows on their first cables."""
-    out, sticks = np.zeros((len(asked.kind), 3)), asked.kind == SelfTouch.BOND
+def _forces(asked: Crossings, group: Group, found: coupled.Outcome) -> tuple[np.ndarray, np.ndarray]:
+    """Forces (k, 3) [N] of all rows on their first cables: pushes and knots, and friction."""
+    out, drag, sticks = np.zeros((len(asked.kind), 3)), np.zeros((len(asked.kind), 3)), asked.kind == SelfTouch.BOND
     out[~sticks] = found.now.push[:, None] * found.now.met.normal
     out[sticks] = found.now.pull[:, :3]
-    return out
+    drag[np.flatnonzero(~sticks)[group.rubs.row]] = found.now.drag
+    return out, drag
 
 
-def _places(asked: Crossings, group: Group, found: coupled.Outcome, meshes: Sequence[Mesh]) -> np.ndarray:
-    """Arc lengths (k, 2) [m] of both places of all rows."""
+def _places(asked: Crossings, nodes: Sequence[np.ndarray], met: Met) -> np.ndarray:
+    """Arc lengths (k, 2) [m] of both places of all rows, from those (n,) of the nodes of every cable."""
     out = asked.s.copy()
     for k, row in enumerate(np.flatnonzero(asked.kind != SelfTouch.BOND).tolist()):
         for side in range(2):
-            s = meshes[group.crossing.cable[k, side]].s
-            out[row, side] = np.interp(found.now.met.place[k, side], np.arange(len(s)), s)
+            s = nodes[asked.cable[row, side]]
+            out[row, side] = np.interp(met.place[k, side], np.arange(len(s)), s)
     return out
 
 
@@ -190,7 +229,14 @@ def _react(
 ) -> None:
     """Write what the cables of a group do to each other into its rows."""
     now, sticks = found.now, asked.kind == SelfTouch.BOND
-    reactions.s[rows], reactions.force[rows] = _places(asked, group, found, meshes), _forces(asked, found)
+    force, drag = _forces(asked, group, found)
+    reactions.s[rows], reactions.force[rows], reactions.drag[rows] = (
+        _places(asked, [mesh.s for mesh in meshes], now.met),
+        force + drag,
+        drag,
+    )
+    reactions.lag[rows] = -group.hard * drag
+    reactions.is_sticking[rows[~sticks][group.rubs.row]] = coupled.slipped(group, now)[2]
     met, weights, out = now.met, np.empty((3, 3)), np.empty((3, 3))
     for k, row in enumerate(rows[~sticks].tolist()):
         point_at(now.nodes[group.crossing.cable[k, 1]], met.place[k, 1], weights, out)

@@ -54,10 +54,11 @@ def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[np.ndarray, n
     """
     chosen, push = groups.chosen, groups.push
     element, fraction = mesh.locate(contacts.s[chosen])
-    found = element.tolist()
+    found, aside = element.tolist(), np.abs(fraction - 0.5).tolist()
     source = [(k, found[k]) for k in groups.faces]
     last = len(mesh.lengths) - 1
-    for own in groups.features:
+    for feature in groups.features:
+        own = sorted(feature, key=lambda k: (-push[k], aside[k]))  # of those without a force the one at a node is not the nearest
         taken = {found[k]: k for k in reversed(own)}
         for j in {j + step for j in taken for step in range(-groups.reach, groups.reach + 1)} - taken.keys():
             if 0 <= j <= last:

@@ -72,7 +72,15 @@ CABLE = Cable(
 )
 
 
-REACTIONS = CrossingReactions(s=np.array([[0.3, 0.9]]), force=np.array([[0.0, 0, 2]]), point=np.ones((1, 3)), gap=np.zeros(1))
+REACTIONS = CrossingReactions(
+    s=np.array([[0.3, 0.9]]),
+    force=np.array([[0.0, 0, 2]]),
+    point=np.ones((1, 3)),
+    gap=np.zeros(1),
+    drag=np.array([[0.1, 0, 0]]),
+    lag=np.zeros((1, 3)),
+    is_sticking=np.ones(1, np.int64),
+)
 
 
 def quaternions(count: int) -> np.ndarray:
@@ -187,6 +195,9 @@ def crossings() -> Crossings:
         distance=np.full(1, 0.009),
         force=np.array([[0.0, 0, 2]]),
         arm=np.full((1, 6), 1e-3),
+        mu=np.zeros(1),
+        held=np.zeros((1, 2)),
+        drag=np.zeros((1, 3)),
     )
 
 

@@ -66,6 +66,9 @@ def asked(problems: tuple[Problem, ...], s: tuple[float, float], sides: tuple[fl
         distance=np.zeros(1),
         force=np.zeros((1, 3)),
         arm=np.concatenate([arm(side) for side in sides])[None],
+        mu=np.zeros(1),
+        held=np.zeros((1, 2)),
+        drag=np.zeros((1, 3)),
     )
     return ShapeRequest(
         session="s", step=0, round=0, gravity=(0.0, 0.0, 0.0), tolerance=1e-3, problems=problems, extrapolate=False, crossings=crossings

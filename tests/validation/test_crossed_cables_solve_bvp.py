@@ -97,6 +97,9 @@ def laid(lower: Cable, height: float, segments: int) -> tuple[tuple[Shape, ...],
         distance=np.full(count, DIAMETER),
         force=np.zeros((count, 3)),
         arm=np.zeros((count, 6)),
+        mu=np.zeros(count),
+        held=np.zeros((count, 2)),
+        drag=np.zeros((count, 3)),
     )
     request = ShapeRequest(
         session="s", step=0, round=0, gravity=(0.0, 0.0, -GRAVITY), tolerance=1e-3, problems=tuple(problems), crossings=crossings
