@@ -21,16 +21,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .border import laws_among
+from .border import SOFTNESS, laws_among
 from .closing import PATIENCE, part
+from .cones import interior, solved
 from .drag import drag_limit, sticks_at_rest
 from .held_by_friction import positive_and_held
 from .symmetric import solve_symmetric
 
-ROUNDS_MAX = 100
+ROUNDS_MAX = 40
 LAW_DONE = 1e-9  # of the force, by which a sliding contact may miss its law
 SLACK = 1e-9  # of the force at rest, within which a contact may as well stick
-SPREAD = 1e-12  # of the largest entry of a row, by which contacts that say the same give way, so that they share the force
 
 
 @njit(cache=True, error_model="numpy")
@@ -87,6 +87,9 @@ def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # 
 def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-untyped-def]
     """Forces (m + 2f,) that keep every contact's law, and which contacts that rub stick (f,); as near as it came, if it did not end.
 
+    Where exchanges go round in circles, as they do with dozens of contacts beside each other, they begin again from what an interior point
+    method finds (`cones`), if all friction is Coulomb's.
+
     Args:
         matrix: (m + 2f, m + 2f) Gaps and slips under unit forces.
         right: (m + 2f,) [m] What they are less of without any.
@@ -95,11 +98,26 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
         hard: [m/N] Compliance of what sticks.
         start: (m + 2f,) [N] Forces now.
     """
+    force, sticks, is_done = _exchanged(matrix, right, rub_of, rub, hard, start)
+    mu = rub.rows["coefficient"]
+    if not is_done and (rub.rows["table"] < 0).all() and (rub.rows["speed"] == 0.0).all() and (mu > 0.0).all():
+        begin, is_found = interior(matrix, right, rub_of, np.ascontiguousarray(mu), start, SOFTNESS / hard)
+        if is_found:
+            better, slips_not, is_done = _exchanged(matrix, right, rub_of, rub, hard, begin)
+            if is_done:
+                return better, slips_not
+    return force, sticks
+
+
+@njit(cache=True, error_model="numpy")
+def _exchanged(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-untyped-def]
+    """The same by exchanges alone, and whether they ended."""
     many, rubs = len(rub_of), len(rub.rows)
     force, closed, turned = start.copy(), start[:many] > 0.0, np.zeros(rubs, dtype=np.bool_)
     normal = _normals(force, rub_of, rubs)
     at, sticks = _guess(matrix @ start - right, force, rub, hard, normal, many)
     fewest, patience, tolerance = many + rubs + 1, PATIENCE, 1e-12 * np.abs(right).max()
+    has_ended = False
     for _ in range(ROUNDS_MAX):
         force = _solved(matrix, right, rub_of, rub, at, hard, closed, sticks, normal)
         if not np.isfinite(force).all():
@@ -112,7 +130,8 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
         if wrong[many:].any():  # what sticks against a pull brings absurd normal forces, which are not to open contacts
             wrong[:many] = False
         offending = np.flatnonzero(wrong)
-        if len(offending) == 0 and is_done:
+        has_ended = len(offending) == 0 and is_done
+        if has_ended:
             break
         if len(offending) < fewest:
             fewest, patience = len(offending), PATIENCE
@@ -132,7 +151,7 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
     for k in range(rubs):
         if not normal[k] > 0.0:
             sticks[k], force[many + 2 * k], force[many + 2 * k + 1] = False, 0.0, 0.0
-    return force, sticks
+    return force, sticks, has_ended
 
 
 @njit(cache=True, error_model="numpy")
@@ -255,19 +274,10 @@ def _solved(matrix, right, rub_of, rub, at, hard, closed, sticks, normal):  # ty
         own[i] *= scale
         rest[i] *= scale
     if np.isfinite(own).all() and np.isfinite(rest).all():
-        out[on] = _shared(own, rest)
+        out[on] = solved(own, rest)
     else:
         out[on] = np.nan
     return out
-
-
-@njit(cache=True, error_model="numpy")
-def _shared(own, rest):  # type: ignore[no-untyped-def]
-    """The solution of rows; where some say the same, as three contacts on one straight segment, one with forces that are shared."""
-    try:
-        return np.linalg.solve(own, rest)
-    except Exception:  # the only kind that numba catches; here it is that the matrix has no inverse
-        return np.linalg.solve(own + SPREAD * np.eye(len(rest)), rest)
 
 
 @njit(cache=True, error_model="numpy")
