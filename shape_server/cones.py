@@ -43,7 +43,7 @@ def interior(matrix, right, rub_of, mu, start, scale):  # type: ignore[no-untype
     apart = matrix @ start - right
     size = max(np.abs(apart).max(), 1e-300)
     force[:many] = np.maximum(force[:many], INSIDE * scale)
-    normal = _normals(force, rub_of, rubs)
+    normal = pressing(force, rub_of, rubs)
     room = np.empty(rubs)
     for k in range(rubs):
         row = many + 2 * k
@@ -78,7 +78,7 @@ def interior(matrix, right, rub_of, mu, start, scale):  # type: ignore[no-untype
 def _step(matrix, right, rub_of, mu, force, gap, give, room, tau):  # type: ignore[no-untyped-def]
     """Change (m + 2f,) [N] of the forces in a step of Newton's method, gaps, gives and rooms eliminated."""
     many, rubs, total = len(rub_of), len(mu), len(force)
-    slip, normal = matrix @ force - right, _normals(force, rub_of, rubs)
+    slip, normal = matrix @ force - right, pressing(force, rub_of, rubs)
     whole, rest = matrix.copy(), np.empty(total)
     for i in range(many):
         for j in range(total):
@@ -116,23 +116,23 @@ def solved(whole, rest):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _normals(force, rub_of, rubs):  # type: ignore[no-untyped-def]
-    """Normal force (f,) [N] of every contact that rubs, or its change."""
+def pressing(force, rub_of, rubs):  # type: ignore[no-untyped-def]
+    """Normal force (f,) [N] of every contact that rubs; rows that pull do not count."""
     out = np.zeros(rubs)
     for row in range(len(rub_of)):
         if rub_of[row] >= 0:
-            out[rub_of[row]] += force[row]
+            out[rub_of[row]] += max(force[row], 0.0)
     return out
 
 
 @njit(cache=True, error_model="numpy")
 def _rooms(rub_of, mu, force):  # type: ignore[no-untyped-def]
-    """The z (f,) [N^2] of the module's docstring; negative too where the normal force is."""
-    many, normal = len(rub_of), _normals(force, rub_of, len(mu))
+    """The z (f,) [N^2] of the module's docstring."""
+    many, normal = len(rub_of), pressing(force, rub_of, len(mu))
     out = np.empty(len(mu))
     for k in range(len(mu)):
         f0, f1 = force[many + 2 * k], force[many + 2 * k + 1]
-        out[k] = mu[k] ** 2 * normal[k] * abs(normal[k]) - f0 * f0 - f1 * f1
+        out[k] = mu[k] ** 2 * normal[k] ** 2 - f0 * f0 - f1 * f1
     return out
 
 
@@ -140,8 +140,10 @@ def _rooms(rub_of, mu, force):  # type: ignore[no-untyped-def]
 def _widens(rub_of, mu, force, step):  # type: ignore[no-untyped-def]
     """Change (f,) [N^2] of z with a small step of the forces."""
     many, rubs = len(rub_of), len(mu)
-    normal, more = _normals(force, rub_of, rubs), _normals(step, rub_of, rubs)
-    out = np.empty(rubs)
+    normal, more, out = pressing(force, rub_of, rubs), np.zeros(rubs), np.empty(rubs)
+    for row in range(many):
+        if rub_of[row] >= 0:
+            more[rub_of[row]] += step[row]
     for k in range(rubs):
         row = many + 2 * k
         out[k] = 2.0 * (mu[k] ** 2 * normal[k] * more[k] - force[row] * step[row] - force[row + 1] * step[row + 1])
@@ -165,7 +167,7 @@ def _decided(rub_of, mu, force, gap, give, room, scale, size):  # type: ignore[n
     for i in range(many):
         if force[i] * size < gap[i] * scale:
             out[i] = 0.0
-    before, normal = _normals(force, rub_of, rubs), _normals(out, rub_of, rubs)
+    before, normal = pressing(force, rub_of, rubs), pressing(out, rub_of, rubs)
     for k in range(rubs):
         row = many + 2 * k
         length = np.hypot(force[row], force[row + 1])

@@ -98,7 +98,7 @@ def _advanced(group: Group, now: Together, step: Joint, share: float) -> tuple[T
     states, views, let_go = [], [], False
     for i, system in enumerate(group.systems):
         new, view = step.states[i], now.views[i]
-        own = Step(step.turns[i], new.force, new.push, new.touches, new.drag, new.sticks, step.is_stable, step.unbalanced, 0.0, 0.0)
+        own = Step(step.turns[i], new.force, new.push, new.touches, new.drag, new.sticks, step.is_stable, step.unbalanced, 0.0, 0.0, True)
         state, seen, dropped = group.path.advance(system.rod, now.states[i], view, own, share)
         states.append(State(*state))
         views.append(View(*seen))

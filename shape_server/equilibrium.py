@@ -1,8 +1,8 @@
 """From a start to a stable equilibrium: Newton with an active set, and an augmented Lagrangian where that is not enough.
 
 `settle` is the warm path. It repeats Newton steps with exact rows, in each of which the contacts that push are found from the
-linearised system (see `closing`); a bond that pulls is dropped. It gives up when a step is not finite, does not become short,
-or the equilibrium is not stable.
+linearised system (see `closing`); a bond that pulls is dropped. Where friction's laws have no answer in a step, it is tried with a shift of
+the Hessian, which makes it shorter. It gives up when a step is not finite, does not become short, or the equilibrium is not stable.
 
 `descend` is the robust path. Rows become penalties with multipliers (augmented Lagrangian; Nocedal and Wright 2006,
 "Numerical Optimization", ch. 17), the Hessian is shifted until its inertia is that of a minimum, and each step is
@@ -28,6 +28,7 @@ TURN_EXACT = 1e-9  # rad
 TURN_MAX = 0.6  # rad, of any segment in one step
 SHORTENS = 0.3  # from one Newton step to the next, when it converges
 WARM_STEPS = 15
+RUBBING_STEPS = 40
 RELAX_STEPS = 400
 NEAR = 0.05  # rad; a Newton step this long leaves an error of a few thousandths
 NEAR_STEPS = 6
@@ -41,6 +42,7 @@ FORCE_DONE = 1e-4  # of the typical force and of the largest; what presses a col
 COUPLE_DONE = 3e-10  # of weight times length, left by held points that miss and in a cable that nothing keeps from swinging
 CONTACT_EASE = 0.1  # how much a miss of a contact counts; two rows at one bend share their force slowly
 SHIFT_LEAST, SHIFT_MOST = 1e-3, 1e9  # of the typical force
+SHIFT_RUBBING, SHIFTS = 10.0, 10.0  # of the typical force, most while settling; times, from one to the next
 EXACT = (0.0, 0.0)  # no softness
 
 # Why an iteration stopped.
@@ -51,7 +53,7 @@ WHY = {
     CLOSE: "it is close to an equilibrium",
     UNSTABLE: "the equilibrium is not stable",
     NOT_FINITE: "a step of the iteration was not finite",
-    NOT_SHORT: f"no convergence within {WARM_STEPS} steps",
+    NOT_SHORT: f"no convergence within {WARM_STEPS} steps, or {RUBBING_STEPS} with friction",
     NO_MINIMUM: f"no minimum found within {RELAX_STEPS} steps",
     NO_DESCENT: "no step lowers the energy",
 }
@@ -68,6 +70,7 @@ class Settled(NamedTuple):
     unbalanced: float  # N
     why: int  # index into `WHY`
     longest: float = np.inf  # rad, of the last step of Newton's method
+    shift: float = 0.0  # N, of the Hessian, for the next step of Newton's method
 
 
 class Descent(NamedTuple):
@@ -90,7 +93,7 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
     With `near` [rad] until a step is as short as that, for comparing meshes, where no more is needed; to the end if it is zero.
     """
     state, view = look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
-    return settle_on(rod, Settled(state, view, False, False, 0, np.inf, GOING_ON, np.inf), near, WARM_STEPS)
+    return settle_on(rod, Settled(state, view, False, False, 0, np.inf, GOING_ON, np.inf, 0.0), near, RUBBING_STEPS)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -101,21 +104,26 @@ def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
     is_stable, unbalanced, longest = False, np.inf, np.inf
     # A cable that only a floor and its friction keep from swinging about a hinge has no stiffness of its own: which contacts stick
     # is then asked of a system that says next to nothing.
-    shift = 0.0 if only_near and len(rod.rub.rows) == 0 else NEUTRAL * rod.stiffest / rod.length**2
-    most = NEAR_STEPS if only_near else WARM_STEPS
+    is_rubbing = len(rod.rub.rows) > 0
+    least = 0.0 if only_near and not is_rubbing else NEUTRAL * rod.stiffest / rod.length**2
+    shift, most = max(least, found.shift), RUBBING_STEPS if is_rubbing else NEAR_STEPS if only_near else WARM_STEPS
     until = min(most, found.iterations + steps)
     for iteration in range(found.iterations + 1, until + 1):
         step = newton_step(rod, state, view, EXACT, shift)
         is_stable, unbalanced = step.is_stable, step.unbalanced
         longest = _largest(step.turn)
+        if not (step.is_solved or longest < NEAR) and shift < SHIFT_RUBBING * rod.force_scale:
+            shift = max(SHIFTS * shift, SHIFT_LEAST * rod.force_scale)
+            continue
         if not longest < 1e3:
-            return Settled(state, view, False, False, iteration, unbalanced, NOT_FINITE, longest)
-        scale = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0
+            return Settled(state, view, False, False, iteration, unbalanced, NOT_FINITE, longest, 0.0)
+        scale, is_plain = min(1.0, TURN_MAX / longest) if longest > 0 else 1.0, shift <= least
+        shift = shift / SHIFTS if shift > SHIFT_LEAST * rod.force_scale else least
         before, change = view.nodes, _change(state.force, step.force)
         state, view, let_go = advance(rod, state, view, step, scale)
-        if only_near and longest <= near:
-            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE, longest)
-        if only_near or let_go:
+        if only_near and longest <= near and is_plain:
+            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE, longest, 0.0)
+        if only_near or let_go or not is_plain:
             continue
         miss = worst_miss(rod, state, view)
         # Close to the answer a neutral direction may still look unstable: an unstable verdict is given at the answer itself.
@@ -126,12 +134,12 @@ def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
         is_lawful = keeps_laws(rod, state, view)
         known = is_lawful and change < FORCE_DONE * rod.force_scale
         if scale == 1.0 and longest < turn_done and known and miss < MISS_DONE * rod.length:
-            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE, longest)
+            return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE, longest, 0.0)
         # Where several edges meet, contacts may go on taking turns without moving the cable any more.
         is_idle = iteration >= IDLE_AFTER and _largest(view.nodes - before) < IDLE_MOVE * rod.length
         if is_idle and is_stable and is_lawful and miss < IDLE_MISS * rod.length:
-            return Settled(state, view, True, True, iteration, unbalanced, DONE, longest)
-    return Settled(state, view, False, is_stable, until, unbalanced, GOING_ON if until < most else NOT_SHORT, last)
+            return Settled(state, view, True, True, iteration, unbalanced, DONE, longest, 0.0)
+    return Settled(state, view, False, is_stable, until, unbalanced, GOING_ON if until < most else NOT_SHORT, last, shift)
 
 
 @njit(cache=True, error_model="numpy")
@@ -202,7 +210,7 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
         if why == GOING_ON and iteration >= RELAX_STEPS:
             why = NO_MINIMUM
     return Descent(
-        Settled(state, view, False, False, iteration, unbalanced, why, np.inf), force, push, drag, stiffness, shift, helped, worst
+        Settled(state, view, False, False, iteration, unbalanced, why, np.inf, 0.0), force, push, drag, stiffness, shift, helped, worst
     )
 
 

@@ -175,7 +175,7 @@ def _closed(group: Group, now: Together, rods: Sequence[Rod], parts: Sequence[_P
     if len(drags):
         law, rub_of = strand_friction.laws(group.rubs, [rod.rub for rod in rods]), _rub_of(group, rods, borders, len(now.push))
         found = group.path.close_with_friction(joint.matrix, joint.right, first, pushes, drags, rub_of, law, group.hard)
-        change, closed, sticks, positive, rubbing = found
+        change, closed, sticks, positive, rubbing, _ = found
     else:
         change, closed, positive = group.path.close(joint.matrix, joint.right, first, len(pushes), pushes, True)
         sticks, rubbing = np.zeros(0, dtype=bool), 0

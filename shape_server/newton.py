@@ -48,6 +48,7 @@ class Step(NamedTuple):
     unbalanced: float  # N, largest unbalanced couple of a segment before the step, over its length
     slope: float  # J, gradient . turn
     stiffness: float  # N, turn . H turn over the sum of h |turn|^2: against this very turn
+    is_solved: bool  # whether friction's laws are kept in it
 
 
 @njit(cache=True, error_model="numpy")
@@ -185,12 +186,12 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     force, push, touches, drag, sticks = state.force.copy(), state.push.copy(), state.touches.copy(), state.drag.copy(), state.sticks
     if is_exact and len(border.rubs) > 0:
         hard = SOFTNESS / rod.force_scale
-        change, closed, slips_not, positive, rubbing = close_rubbing(rod, state, matrix_of_rows, right_of_rows, border, hard)
+        change, closed, slips_not, positive, rubbing, is_solved = close_rubbing(rod, state, matrix_of_rows, right_of_rows, border, hard)
         sticks = np.zeros(len(state.sticks), dtype=np.bool_)
         sticks[border.rubs] = slips_not
     else:
         change, closed, positive = close(matrix_of_rows, right_of_rows, len(held), len(contacts), state.push[contacts], is_exact)
-        rubbing = 2 * len(border.rubs)
+        rubbing, is_solved = 2 * len(border.rubs), True
     for k in range(len(border.rubs)):
         for axis in range(2):
             drag[border.rubs[k], axis] += change[count - 2 * (len(border.rubs) - k) + axis]
@@ -207,7 +208,8 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     for j in range(len(turn)):
         size += rod.lengths[j] * (turn[j, 0] * turn[j, 0] + turn[j, 1] * turn[j, 1] + turn[j, 2] * turn[j, 2])
     stiffness = bent / size if size > 0.0 else np.inf
-    return Step(turn, force, push, touches, drag, sticks, is_stable, _largest_couple(gradient, rod.lengths), slope, stiffness)
+    couple = _largest_couple(gradient, rod.lengths)
+    return Step(turn, force, push, touches, drag, sticks, is_stable, couple, slope, stiffness, is_solved)
 
 
 @njit(cache=True, error_model="numpy")

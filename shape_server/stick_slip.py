@@ -23,7 +23,7 @@ from numba import njit
 
 from .border import SOFTNESS, laws_among
 from .closing import PATIENCE, part
-from .cones import interior, solved
+from .cones import interior, pressing, solved
 from .drag import drag_limit, sticks_at_rest
 from .held_by_friction import positive_and_held
 from .symmetric import solve_symmetric
@@ -56,7 +56,8 @@ def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # 
         hard: [m/N] Compliance of what sticks.
 
     Returns:
-        change (count,) of the forces, is_closed (m,), sticks (f,), and from `positive_and_held` what tells whether that is stable.
+        change (count,) of the forces, is_closed (m,), sticks (f,), from `positive_and_held` what tells whether that is stable, and whether
+        every contact keeps its law.
     """
     count, many, rubs = len(right), len(push), len(drag)
     rows, last = np.arange(count), count - 2 * rubs
@@ -73,19 +74,19 @@ def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # 
         own = own - coupling @ np.ascontiguousarray(solved[:, : len(free)])
         rest = rest - coupling @ np.ascontiguousarray(solved[:, len(free)])
     acting = np.concatenate((push, drag.reshape(-1)))
-    force, sticks = stick_slip(own, rest + own @ acting, rub_of, rub, hard, acting)
+    force, sticks, is_solved = stick_slip(own, rest + own @ acting, rub_of, rub, hard, acting)
     closed = force[:many] > 0.0
     change = np.zeros(count)
     change[free] = force - acting
     change[fixed] = solved[:, len(free)] - np.ascontiguousarray(solved[:, : len(free)]) @ change[free]
     slip = (own @ force - (rest + own @ acting))[many:] - hard * force[many:]
     positive, rubbing = positive_and_held(matrix, held, closed, sticks, force[many:], slip, hard)
-    return change, closed, sticks, positive, rubbing
+    return change, closed, sticks, positive, rubbing, is_solved
 
 
 @njit(cache=True, error_model="numpy")
 def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-untyped-def]
-    """Forces (m + 2f,) that keep every contact's law, and which contacts that rub stick (f,); as near as it came, if it did not end.
+    """Forces (m + 2f,) that keep every contact's law, which contacts that rub stick (f,), and whether they do; if not, as near as it came.
 
     Where exchanges go round in circles, as they do with dozens of contacts beside each other, they begin again from what an interior point
     method finds (`cones`), if all friction is Coulomb's.
@@ -105,8 +106,8 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
         if is_found:
             better, slips_not, is_done = _exchanged(matrix, right, rub_of, rub, hard, begin)
             if is_done:
-                return better, slips_not
-    return force, sticks
+                return better, slips_not, True
+    return force, sticks, is_done
 
 
 @njit(cache=True, error_model="numpy")
@@ -114,7 +115,7 @@ def _exchanged(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
     """The same by exchanges alone, and whether they ended."""
     many, rubs = len(rub_of), len(rub.rows)
     force, closed, turned = start.copy(), start[:many] > 0.0, np.zeros(rubs, dtype=np.bool_)
-    normal = _normals(force, rub_of, rubs)
+    normal = pressing(force, rub_of, rubs)
     at, sticks = _guess(matrix @ start - right, force, rub, hard, normal, many)
     fewest, patience, tolerance = many + rubs + 1, PATIENCE, 1e-12 * np.abs(right).max()
     has_ended = False
@@ -123,7 +124,7 @@ def _exchanged(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
         if not np.isfinite(force).all():
             break
         gap = matrix @ force - right
-        normal = _normals(force, rub_of, rubs)
+        normal = pressing(force, rub_of, rubs)
         wrong = np.zeros(many + rubs, dtype=np.bool_)
         wrong[:many] = (closed & (force[:many] < 0.0)) | (~closed & (gap[:many] < -tolerance))
         is_done = _judge(force, gap, rub_of, rub, at, hard, sticks, turned, _touching(closed, rub_of, rubs), normal, wrong)
@@ -147,7 +148,7 @@ def _exchanged(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
     for row in range(many):
         if not (closed[row] and force[row] > 0.0):
             force[row] = 0.0
-    normal = _normals(force, rub_of, rubs)
+    normal = pressing(force, rub_of, rubs)
     for k in range(rubs):
         if not normal[k] > 0.0:
             sticks[k], force[many + 2 * k], force[many + 2 * k + 1] = False, 0.0, 0.0
@@ -157,16 +158,6 @@ def _exchanged(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
 @njit(cache=True, error_model="numpy")
 def _size(a, b):  # type: ignore[no-untyped-def]
     return np.sqrt(a * a + b * b)
-
-
-@njit(cache=True, error_model="numpy")
-def _normals(force, rub_of, rubs):  # type: ignore[no-untyped-def]
-    """Normal force (f,) [N] of every contact that rubs."""
-    out = np.zeros(rubs)
-    for row in range(len(rub_of)):
-        if rub_of[row] >= 0:
-            out[rub_of[row]] += max(force[row], 0.0)
-    return out
 
 
 @njit(cache=True, error_model="numpy")

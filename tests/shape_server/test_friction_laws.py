@@ -92,7 +92,7 @@ def test_every_contact_of_a_random_system_is_open_sticks_or_slides_by_its_law(ki
         matrix = root @ root.T / (3 * count) + hard * np.eye(3 * count)
         right = rng.normal(size=3 * count) + np.repeat([0.5, 0.0], [count, 2 * count])
         start = np.concatenate([np.maximum(rng.normal(size=count), 0.0), np.zeros(2 * count)])
-        found, sticks = path.stick_slip(matrix, right, np.arange(count), rubs(count, kind, LAWS[kind]), hard, start)
+        found, sticks, _ = path.stick_slip(matrix, right, np.arange(count), rubs(count, kind, LAWS[kind]), hard, start)
         lawful += unlawful(kind, matrix, right, found, sticks, hard) < 1e-6
         states |= {("open" if n == 0.0 else "sticks" if s else "slides") for n, s in zip(found[:count], sticks, strict=True)}
     assert states == ({"open", "slides"} if kind is Friction.REGULARIZED else {"open", "sticks", "slides"})
@@ -110,7 +110,7 @@ def test_contacts_that_say_the_same_share_the_force(kind: Friction, path: object
     for side in range(2):
         matrix[count + side :: 2, count + side :: 2] = to_gaps @ to_gaps.T + hard * np.eye(count)
     right = np.concatenate([to_gaps @ [1.0, 1.0], np.zeros(2 * count)])
-    found, _ = path.stick_slip(
+    found, *_ = path.stick_slip(
         matrix, right, np.arange(count), rubs(count, kind, LAWS[kind]), hard, np.concatenate([np.ones(3), np.zeros(6)])
     )
     assert np.isfinite(found).all()
@@ -136,7 +136,7 @@ def test_contacts_of_a_cable_that_swings_freely_open_at_once_if_they_pull(monkey
 
     monkeypatch.setitem(names, "_solved", counted)
     rub = rubs(count, Friction.SIGNUM, LAWS[Friction.SIGNUM])
-    found, _ = numpy_path.stick_slip(matrix, right, np.arange(count), rub, hard, np.zeros(3 * count))
+    found, *_ = numpy_path.stick_slip(matrix, right, np.arange(count), rub, hard, np.zeros(3 * count))
     assert found[:count] @ s == pytest.approx(s.sum() / count, rel=1e-9)  # moment about the hinge
     assert len(rounds) <= 8  # measured 6; 10 where they are let to slide
 
