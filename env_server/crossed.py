@@ -10,7 +10,7 @@ through each other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Final
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 APART: Final = 0.5  # of a segment; a place as near to a knot, on both cables, is not knotted again
 UP: Final = np.array([0.0, 0.0, 1.0])  # of a knot, whose normal says nothing
 NOTHING: Final = CablePoints(cable=np.zeros((0, 2), dtype=np.int64), s=np.zeros((0, 2)), point=np.zeros((0, 3)), force=np.zeros((0, 3)))
+NO_DRAGS: Final = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ class Crossed:
     near: tuple[SelfCandidates, ...] = ()  # of every pair, once looked for
     knots: tuple[Knot, ...] = ()
     held: Held = NOT_YET  # by friction
-    pushes: CablePoints = NOTHING  # all that acts: knots too
+    pushes: CablePoints = NOTHING  # all that acts: knots and friction too
+    drags: np.ndarray = field(default_factory=lambda: NO_DRAGS)  # (c, 3) N, friction in these
 
     def looked(self, shapes: Sequence[Shape], room: float) -> Crossed:
         """With where the shapes are near each other; clearances are known up to `room` [m]."""
@@ -98,12 +100,12 @@ class Crossed:
     def after(self, asked: Crossings | None, reactions: CrossingReactions | None) -> Crossed:
         """With what the shape server's answer says of the rows that it was asked about."""
         if asked is None or reactions is None:
-            return replace(self, pushes=NOTHING, held=self.held.hears(None, None))
+            return replace(self, pushes=NOTHING, drags=NO_DRAGS, held=self.held.hears(None, None))
         on = np.flatnonzero((reactions.force != 0.0).any(axis=1))
         pushes = CablePoints(cable=asked.cable[on], s=reactions.s[on], point=reactions.point[on], force=reactions.force[on])
         first = len(asked.kind) - len(self.knots)
         knots = tuple(replace(knot, force=reactions.force[first + k]) for k, knot in enumerate(self.knots))
-        return replace(self, knots=knots, pushes=pushes, held=self.held.hears(asked, reactions))
+        return replace(self, knots=knots, pushes=pushes, drags=reactions.drag[on], held=self.held.hears(asked, reactions))
 
     def is_settled(self, asked: Crossings | None, shapes: Sequence[Shape]) -> bool:
         """Whether no two cables are in each other but where the server was asked to keep them apart, on the side where they were."""
@@ -153,7 +155,7 @@ class Crossed:
     def _shared(self, pair: Pair, found: SelfCandidates, shapes: Sequence[Shape]) -> np.ndarray:
         """What pushed the pair in the last answer, on the rows of now."""
         own = (self.pushes.cable == (pair.first, pair.second)).all(axis=1)
-        return handed_on(found, _places(self.pushes.s[own], shapes, pair), self.pushes.force[own])
+        return handed_on(found, _places(self.pushes.s[own], shapes, pair), (self.pushes.force - self.drags)[own])
 
 
 def crossed_of(cables: Sequence[Cable]) -> Crossed | None:

@@ -71,7 +71,7 @@ def compare(group: Group, begun: Together) -> Outcome:
 
 def _newton(group: Group, begun: Together, steps: int, turn_most: float, *, is_patient: bool, near: float = 0.0) -> Outcome:
     """Newton steps, each downhill if one is patient; until one is as short as `near` [rad], or to the end if that is zero."""
-    now, shift = begun, group.neutral
+    now, shift = begun, 0.0
     for iteration in range(1, steps + 1):
         rods, couples = loaded(group, now)
         step = joint_step(group, now, rods, couples, shift)
@@ -83,13 +83,13 @@ def _newton(group: Group, begun: Together, steps: int, turn_most: float, *, is_p
             return Outcome(now, rods, couples, False, iteration, step.unbalanced, NOT_FINITE)
         share = min(1.0, turn_most / max(longest, 1e-300))
         now, let_go = _advanced(group, now, step, share)
-        is_plain = shift <= group.neutral
+        is_plain = shift == 0.0
         if longest <= near:
             return Outcome(now, *loaded(group, now), step.is_stable, iteration, step.unbalanced, DONE)
         if longest < TURN_DONE and is_plain and not let_go and _is_held(group, now):
             why = DONE if step.is_stable else UNSTABLE
             return Outcome(now, *loaded(group, now), step.is_stable, iteration, step.unbalanced, why)
-        shift = shift / 4.0 if shift > SHIFT_LEAST * group.scale else group.neutral
+        shift = shift / 4.0 if shift > SHIFT_LEAST * group.scale else 0.0
     return Outcome(now, rods, couples, step.is_stable, steps, step.unbalanced, NO_MINIMUM)
 
 
@@ -128,6 +128,9 @@ def _is_held(group: Group, now: Together) -> bool:
 
 def slipped(group: Group, now: Together) -> tuple[float, float, Array]:
     """How far friction between the cables is from its law [m] and [N], and where it sticks (f,); see `strand_friction.strays`."""
-    rubs, ways = group.rubbing(now), strand_friction.across(group.rubs, now.met)
+    rubs, chosen = group.rubbing(now)
+    ways, sticks = strand_friction.across(rubs, now.met), np.zeros(len(now.drag), dtype=bool)
     slip = strand_friction.slips(group.path, rubs, ways, now.nodes, now.axes)
-    return strand_friction.strays(rubs, slip, np.einsum("fax,fx->fa", ways, now.drag), now.push, group.hard)
+    drag = np.einsum("fax,fx->fa", ways, now.drag[chosen])
+    stray, wrong, sticks[chosen] = strand_friction.strays(rubs, slip, drag, now.push, group.hard)
+    return stray, wrong, sticks

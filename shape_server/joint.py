@@ -14,7 +14,7 @@ curvature bring.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
@@ -58,14 +58,10 @@ class Group:
         """The knots under the forces of now."""
         return knots.ahead(self.knots, now.pull, now.axes)
 
-    def rubbing(self, now: Together) -> Rubs:
-        """What rubs under the forces of now."""
-        return self.rubs.ahead(now.drag, now.axes)
-
-    @property
-    def neutral(self) -> float:
-        """[N] Stiffness below which a direction is neutral, not unstable."""
-        return max(NEUTRAL * system.rod.stiffest / system.rod.length**2 for system in self.systems)
+    def rubbing(self, now: Together) -> tuple[Rubs, Array]:
+        """What is pressed and rubs, under the forces of now, and its numbers."""
+        chosen = self.rubs.pressed(now.met, now.push)
+        return self.rubs.those(chosen).ahead(now.drag[chosen], now.axes), chosen
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,8 @@ def loaded(group: Group, now: Together) -> tuple[tuple[Rod, ...], tuple[Array, .
     couples = [np.zeros((len(system.rod.lengths), 3)) for system in group.systems]
     crossing.add_forces(group.path, group.crossing, now.met, now.push, forces)
     knots.add_forces(group.path, group.tied(now), now.pull, now.axes, forces, couples)
-    strand_friction.add_forces(group.path, group.rubbing(now), now.drag, now.axes, forces, couples)
+    rubs, chosen = group.rubbing(now)
+    strand_friction.add_forces(group.path, rubs, now.drag[chosen], now.axes, forces, couples)
     return tuple(system.rod._replace(loads=load) for system, load in zip(group.systems, forces, strict=True)), tuple(couples)
 
 
@@ -114,7 +111,7 @@ class Joint:
     states: list[State]  # with new forces, and the frames of before
     push: Array
     pull: Array
-    drag: Array
+    drag: Array  # (f, 3) N; (f, 2) along the directions of the step until these are put together
     is_stable: bool
     unbalanced: float  # N
 
@@ -122,14 +119,15 @@ class Joint:
 def joint_step(group: Group, now: Together, rods: Sequence[Rod], couples: Sequence[Array], shift: float) -> Joint:
     """The step from now, with `shift` [N] on the Hessian of every rod; `rods` and `couples` as `loaded` gives them."""
     path, own_knots, ties = group.path, group.tied(now), knots.ROWS * len(group.knots.cable)
-    rubs, ways = group.rubbing(now), strand_friction.across(group.rubs, now.met)
+    rubs, chosen = group.rubbing(now)
+    ways = strand_friction.across(rubs, now.met)
     crossed, stiffness = crossing.strips(path, group.crossing, now.met, now.push, now.nodes, ties, group.scale)
     tied, turned = knots.strips(path, own_knots, now.axes, 0)
     bent, more_stiffness = knots.tilts(own_knots, now.pull, now.axes, ties + len(now.push) + len(stiffness), group.scale)
     stiffness = np.concatenate([stiffness, more_stiffness])
     blocks = [np.zeros((len(rod.lengths), 3, 3)) for rod in rods]
     knots.curve(own_knots, now.pull, now.axes, blocks)
-    strand_friction.curve(rubs, now.drag, now.axes, blocks)
+    strand_friction.curve(rubs, now.drag[chosen], now.axes, blocks)
     parts = []
     for i, (rod, slips) in enumerate(zip(rods, strand_friction.columns(path, rubs, ways, now.axes, rods), strict=True)):
         more = np.zeros((len(rod.lengths), 3, ties + len(now.push) + len(stiffness)))
@@ -138,7 +136,8 @@ def joint_step(group: Group, now: Together, rods: Sequence[Rod], couples: Sequen
         for segment, row, slope in turned[i] + bent[i]:
             more[segment, :, row] += slope
         more = np.concatenate([more, slips], axis=2)
-        parts.append(_part(path, rod, now.states[i], now.views[i], couples[i], blocks[i], more, shift))
+        least = NEUTRAL * rod.stiffest / rod.length**2  # below it a direction is neutral, not unstable
+        parts.append(_part(path, rod, now.states[i], now.views[i], couples[i], blocks[i], more, max(shift, least)))
     joint = Numbering([part.border for part in parts], ties, len(now.push), len(stiffness), len(rubs.row))
     for part, own in zip(parts, joint.own, strict=True):
         every = np.concatenate([own, joint.shared])
@@ -146,16 +145,20 @@ def joint_step(group: Group, now: Together, rods: Sequence[Rod], couples: Sequen
         joint.right[every] += part.schur[:, -1]
         joint.matrix[np.ix_(own, own)] += part.border.compliance
         joint.right[own] -= part.border.residual
-    _share(group, now, own_knots, rubs, ways, stiffness, joint)
-    return _closed(group, now, rods, parts, joint, ways, int((stiffness > 0.0).sum()))
+    drag = np.einsum("fax,fx->fa", ways, now.drag[chosen])
+    _share(group, now, own_knots, rubs, ways, drag, stiffness, joint)
+    found = _closed(group, now, rods, parts, joint, rubs, drag, int((stiffness > 0.0).sum()))
+    new_drag = np.zeros_like(now.drag)
+    new_drag[chosen] = np.einsum("fax,fa->fx", ways, found.drag)
+    return replace(found, drag=new_drag)
 
 
-def _share(group: Group, now: Together, own_knots: Knots, rubs: Rubs, ways: Array, stiffness: Array, joint: Numbering) -> None:
+def _share(group: Group, now: Together, own_knots: Knots, rubs: Rubs, ways: Array, drag: Array, stiffness: Array, joint: Numbering) -> None:
     """Add compliance and residual of the shared rows: knots, places where cables touch, their curvature, friction between them."""
     path, hard, shared = group.path, group.hard, joint.shared
     ties, slipping = now.pull.size, 2 * len(rubs.row)
     off = knots.misses(path, own_knots, now.nodes, now.axes) + hard * now.pull
-    slip = strand_friction.slips(path, rubs, ways, now.nodes, now.axes) + hard * np.einsum("fax,fx->fa", ways, now.drag)
+    slip = strand_friction.slips(path, rubs, ways, now.nodes, now.axes) + hard * drag
     residual = np.concatenate([off.ravel(), now.met.gap + hard * now.push])
     gives = np.concatenate([np.full(len(residual), hard), 1.0 / stiffness, np.full(slipping, hard)])
     joint.matrix[shared, shared] += gives
@@ -166,14 +169,15 @@ def _share(group: Group, now: Together, own_knots: Knots, rubs: Rubs, ways: Arra
     joint.right[last] -= slip.ravel()
 
 
-def _closed(group: Group, now: Together, rods: Sequence[Rod], parts: Sequence[_Part], joint: Numbering, ways: Array, saddles: int) -> Joint:
-    """The step: the joint system solved, and what of its solution belongs to each rod."""
+def _closed(
+    group: Group, now: Together, rods: Sequence[Rod], parts: Sequence[_Part], joint: Numbering, rubs: Rubs, drag: Array, saddles: int
+) -> Joint:
+    """The joint system solved, and what of its solution belongs to each rod; friction (f, 2) [N] as that of now, `drag`, is given."""
     ties, first, borders = now.pull.size, joint.contacts.start, [part.border for part in parts]
     pushes = np.concatenate([*(state.push[border.contacts] for state, border in zip(now.states, borders, strict=True)), now.push])
-    own_drag = np.einsum("fax,fx->fa", ways, now.drag)
-    drags = np.concatenate([*(state.drag[border.rubs] for state, border in zip(now.states, borders, strict=True)), own_drag])
+    drags = np.concatenate([*(state.drag[border.rubs] for state, border in zip(now.states, borders, strict=True)), drag])
     if len(drags):
-        law, rub_of = strand_friction.laws(group.rubs, [rod.rub for rod in rods]), _rub_of(group, rods, borders, len(now.push))
+        law, rub_of = strand_friction.laws(rubs, [rod.rub for rod in rods]), _rub_of(rubs, rods, borders, len(now.push))
         found = group.path.close_with_friction(joint.matrix, joint.right, first, pushes, drags, rub_of, law, group.hard)
         change, closed, sticks, positive, rubbing, _ = found
     else:
@@ -184,17 +188,17 @@ def _closed(group: Group, now: Together, rods: Sequence[Rod], parts: Sequence[_P
     turns, states, at, slid = [], [], 0, 0
     for state, part, own in zip(now.states, parts, joint.own, strict=True):
         turns.append((part.answers @ np.append(change[np.concatenate([own, joint.shared])], -1.0)).reshape(-1, 3))
-        touches, rubs = len(part.border.contacts), len(part.border.rubs)
-        states.append(_forced(state, part.border, change[own], closed[at : at + touches], sticks[slid : slid + rubs]))
-        at, slid = at + touches, slid + rubs
+        touches, rubbed = len(part.border.contacts), len(part.border.rubs)
+        states.append(_forced(state, part.border, change[own], closed[at : at + touches], sticks[slid : slid + rubbed]))
+        at, slid = at + touches, slid + rubbed
     shared = change[joint.shared]
     new_push = np.where(closed[at:], now.push + shared[ties : ties + len(now.push)], 0.0)
-    new_drag = np.einsum("fax,fa->fx", ways, own_drag + shared[len(shared) - own_drag.size :].reshape(-1, 2))
+    new_drag = drag + shared[len(shared) - drag.size :].reshape(-1, 2)
     new_pull = now.pull + shared[:ties].reshape(-1, knots.ROWS)
     return Joint(turns, states, new_push, new_pull, new_drag, bool(is_stable), max(part.unbalanced for part in parts))
 
 
-def _rub_of(group: Group, rods: Sequence[Rod], borders: Sequence[Any], crossings: int) -> Array:
+def _rub_of(rubs: Rubs, rods: Sequence[Rod], borders: Sequence[Any], crossings: int) -> Array:
     """Which contact that rubs, of all of them in order, each contact row belongs to; -1 for none."""
     out, at = [], 0
     for rod, border in zip(rods, borders, strict=True):
@@ -202,7 +206,7 @@ def _rub_of(group: Group, rods: Sequence[Rod], borders: Sequence[Any], crossings
         out.append(np.where(own >= 0, own + at, -1))
         at += len(rod.rub.rows)
     between = np.full(crossings, -1)
-    between[group.rubs.row] = at + np.arange(len(group.rubs.row))
+    between[rubs.row] = at + np.arange(len(rubs.row))
     return np.concatenate([*out, between])
 
 

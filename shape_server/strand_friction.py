@@ -14,7 +14,7 @@ those of now in every iteration.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import ModuleType
 from typing import Final
 
@@ -41,6 +41,15 @@ class Rubs:
     row: Array  # (f,) int, which of the one-sided rows
     held: Knots  # the points that were held together
     mu: Array  # (f,)
+
+    def those(self, chosen: Array) -> Rubs:
+        """Some of them, by their numbers."""
+        parts = {field.name: getattr(self.held, field.name)[chosen] for field in fields(Knots)}
+        return Rubs(self.row[chosen], Knots(**parts), self.mu[chosen])
+
+    def pressed(self, met: Met, push: Array) -> Array:
+        """The numbers of those that push (k,) [N], or would be in each other; what closes in a step rubs from the next one on."""
+        return np.flatnonzero((push[self.row] > 0.0) | (met.gap[self.row] <= 0.0))
 
     def ahead(self, drag: Array, axes: Sequence[Array]) -> Rubs:
         """With the arms turned by what the couples on them bring."""

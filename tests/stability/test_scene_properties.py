@@ -27,6 +27,9 @@ from protocol.scene import Body, Gripper, Move, Scene, Target, Vector
 
 # Of the length. Measured 9e-7 on a plane; on a capsule 9e-5, a fifth of the tolerance asked for, where the rows of its contacts are others.
 WITHIN = {Primitive.PLANE: 5e-6, Primitive.CAPSULE: 2e-4}
+# Of what both answers say of their errors. With friction a place that is held stays off by what it was off when it was first held, on nodes
+# that the images may not share. Of 40 scenes the worst was off by 1.3 times, half of them by less than 1e-8 of the length.
+REMEMBERED = 2.0
 STEPS = 12
 
 images = st.one_of(
@@ -119,13 +122,13 @@ def compare(seed: int, kind: Friction, image: Image) -> None:
     scene = lifted(seed, kind)
     shapes, seen = shapes_of(scene), shapes_of(image_of(scene, image))
     assert len(seen) == len(shapes)
-    past = 0.0  # what friction remembers of steps on other nodes
+    past = 0.0  # what friction remembers of earlier steps
     for shape, other in zip(shapes, seen, strict=True):
         assert isinstance(shape, str) == isinstance(other, str), (shape, other)
         if isinstance(shape, Shape) and isinstance(other, Shape):
-            now = nodes_cost(image, shape, other)
-            assert off(image, shape, other) < WITHIN[scene.bodies[0].shape or Primitive.PLANE] + max(now, past)
-            past = 0.0 if kind is Friction.NONE else max(now, past)
+            past = 0.0 if kind is Friction.NONE else max(past, REMEMBERED * both_errors(image, shape, other))
+            within = WITHIN[scene.bodies[0].shape or Primitive.PLANE] + max(nodes_cost(image, shape, other), past)
+            assert off(image, shape, other) < within
 
 
 def off(image: Image, shape: Shape, seen: Shape) -> float:
@@ -138,8 +141,11 @@ def off(image: Image, shape: Shape, seen: Shape) -> float:
 
 def nodes_cost(image: Image, shape: Shape, seen: Shape) -> float:
     """By how much more two shapes on other nodes may be apart, over the length: by what both say of their errors."""
-    if len(seen.s) == len(shape.s):
-        return 0.0
+    return 0.0 if len(seen.s) == len(shape.s) else both_errors(image, shape, seen)
+
+
+def both_errors(image: Image, shape: Shape, seen: Shape) -> float:
+    """What both answers say of their errors, over the length."""
     return ((shape.error or 0.0) + (seen.error or 0.0) / image.length) / float(shape.s[-1])
 
 
