@@ -16,11 +16,12 @@ from .equilibrium import CLOSE, GOING_ON, NO_MINIMUM, RELAX_STEPS, Descent, Sett
 from .rod import Rod, State
 
 Progress = Callable[[int, float], None]
+KICKS = 4  # times that the way off a saddle is doubled
 
 
 def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settled:
     """Descend to a minimum of the energy from any state, then settle there."""
-    descent = begun(path, rod, state._replace(push=np.maximum(state.push, 0.0)))
+    descent, saddles = begun(path, rod, state._replace(push=np.maximum(state.push, 0.0))), 0
     while True:
         if isinstance(progress, Clock):
             descent, settled = progress.iterate(path, rod, descent)
@@ -35,7 +36,8 @@ def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settl
             iterations = found.iterations + settled.iterations
             if settled.is_converged and settled.is_stable:
                 return settled._replace(iterations=iterations)
-            descent = _go_on(path, rod, Descent(*descent), settled, iterations)
+            saddles += settled.is_converged
+            descent = _go_on(path, rod, Descent(*descent), settled, iterations, saddles)
             if descent.settled.why == NO_MINIMUM:
                 return descent.settled
         elif found.why != GOING_ON:
@@ -50,11 +52,15 @@ def begun(path: ModuleType, rod: Rod, state: State) -> Descent:
     return Descent(start, state.force, state.push, state.drag, stiffness, 0.0, 0, np.inf)
 
 
-def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, iterations: int) -> Descent:
-    """The descent after an equilibrium that is none to settle at; beside it if that is a saddle, or it came there with help, as to one."""
+def _go_on(path: ModuleType, rod: Rod, descent: Descent, settled: Settled, iterations: int, saddles: int) -> Descent:
+    """The descent after an equilibrium that is none to settle at; beside it if that is a saddle, or it came there with help, as to one.
+
+    What slides is a spring in a descent, which leads back to a saddle that is left by a little: each time it is left by twice as much.
+    """
     found, state, view = descent.settled, descent.settled.state, descent.settled.seen
     if descent.helped > 0 or settled.is_converged:
-        kicked = State(*state)._replace(frames=path.retract(state.frames, path.kick(rod)))
+        far = 2.0 ** min(saddles - 1, KICKS) if saddles and len(rod.rub.rows) else 1.0
+        kicked = State(*state)._replace(frames=path.retract(state.frames, far * path.kick(rod)))
         state, view = path.look(rod, kicked, np.ascontiguousarray(rod.touch["normal"]))
     over = iterations >= RELAX_STEPS
     beside = Settled(state, view, False, False, iterations, found.unbalanced, NO_MINIMUM if over else GOING_ON)

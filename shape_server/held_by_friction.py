@@ -1,8 +1,8 @@
 """Whether a cable that rubs is stable: what friction holds, and what it does not, compiled.
 
-A contact that sticks is held both ways along the surface. One that slides pulls with a given force along its slip, which holds nothing,
-and turns that force where it is pushed aside: with F against a slip u it gives way across by |u| / F. The descent, in which friction is
-a spring of that secant stiffness, ends where this says so.
+A contact that sticks is held both ways along the surface. One that slides pulls with a force along its slip, which holds nothing unless it
+grows with the speed (by 1 / F' then), and turns that force where it is pushed aside: with F against a slip u it gives way across by
+|u| / F. The descent, in which friction is a spring of that secant stiffness, ends where this says so.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .symmetric import solve_symmetric
 
 
 @njit(cache=True, error_model="numpy")
-def positive_and_held(matrix, held, closed, sticks, drag, slip, hard):  # type: ignore[no-untyped-def]
+def positive_and_held(matrix, held, closed, sticks, drag, slip, growth, hard):  # type: ignore[no-untyped-def]
     """Positive eigenvalues of the matrix of held points, closed contacts, curvature and what friction holds; the rows of the last.
 
     Args:
@@ -25,6 +25,7 @@ def positive_and_held(matrix, held, closed, sticks, drag, slip, hard):  # type: 
         sticks: (f,) Contacts that stick.
         drag: (2f,) [N] Forces along the surface.
         slip: (2f,) [m] Slips, less what the springs give way.
+        growth: (f,) [N/m] How fast the force of what slides grows with its slip; not positive, and it does not count.
         hard: [m/N] Compliance of what sticks, which `matrix` holds already.
     """
     rubs, many, turned = len(sticks), len(closed), matrix.copy()
@@ -36,14 +37,18 @@ def positive_and_held(matrix, held, closed, sticks, drag, slip, hard):  # type: 
         along, across = last + 2 * k, last + 2 * k + 1
         f0, f1 = drag[2 * k], drag[2 * k + 1]
         size = np.hypot(f0, f1)
-        is_kept[along], is_kept[across] = sticks[k], sticks[k] or size > 0.0
-        rubbing += 2 if sticks[k] else 1 if size > 0.0 else 0
+        grows = size > 0.0 and not sticks[k] and growth[k] > 0.0
+        is_kept[along], is_kept[across] = sticks[k] or grows, sticks[k] or size > 0.0
+        rubbing += is_kept[along] + is_kept[across]
         if size > 0.0 and not sticks[k]:
             for j in range(len(matrix)):
-                turned[across, j] = (f0 * turned[across, j] - f1 * turned[along, j]) / size
+                first, second = turned[along, j], turned[across, j]
+                turned[along, j], turned[across, j] = (f0 * first + f1 * second) / size, (f0 * second - f1 * first) / size
             for j in range(len(matrix)):
-                turned[j, across] = (f0 * turned[j, across] - f1 * turned[j, along]) / size
+                first, second = turned[j, along], turned[j, across]
+                turned[j, along], turned[j, across] = (f0 * first + f1 * second) / size, (f0 * second - f1 * first) / size
             turned[across, across] += max(np.hypot(slip[2 * k], slip[2 * k + 1]) / size - hard, 0.0)
+            turned[along, along] += max(1.0 / growth[k] - hard, 0.0) if grows else 0.0
     kept = np.flatnonzero(is_kept)
     _, positive = solve_symmetric(part(turned, kept, kept), np.zeros((len(kept), 1)))
     return positive, rubbing

@@ -80,7 +80,10 @@ def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # 
     change[free] = force - acting
     change[fixed] = solved[:, len(free)] - np.ascontiguousarray(solved[:, : len(free)]) @ change[free]
     slip = (own @ force - (rest + own @ acting))[many:] - hard * force[many:]
-    positive, rubbing = positive_and_held(matrix, held, closed, sticks, force[many:], slip, hard)
+    normal, growth = pressing(force, rub_of, rubs), np.zeros(rubs)
+    for k in range(rubs):
+        growth[k] = drag_limit(rub, k, _size(slip[2 * k], slip[2 * k + 1]) / rub.time_step, normal[k])[2] / rub.time_step
+    positive, rubbing = positive_and_held(matrix, held, closed, sticks, force[many:], slip, growth, hard)
     return change, closed, sticks, positive, rubbing, is_solved
 
 

