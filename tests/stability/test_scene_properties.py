@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from env_server.hard_cases.laying import move, rough
 from env_server.hard_cases.meeting import CABLE, LOWEST, hanging
 from env_server.hard_cases.playing import playing
+from env_server.polyline import points_at
 from protocol.hard_case import Declined
 from protocol.kinds import Friction, Primitive
 from protocol.messages import Shape
@@ -109,6 +110,12 @@ def image_of(scene: Scene, image: Image) -> Scene:
 
 
 SNAPPED = "snapped"
+LEAP = 0.05  # of the length in a step; what drives it moves by 0.0125 at most
+
+
+def moved(before: Shape, after: Shape) -> float:
+    """How far the cable went in a step [m]."""
+    return float(np.linalg.norm(after.nodes - points_at(before, after.s), axis=1).max())
 
 
 def shapes_of(scene: Scene) -> list[Shape | str]:
@@ -116,11 +123,14 @@ def shapes_of(scene: Scene) -> list[Shape | str]:
     found: list[Shape | str] = []
     try:
         with playing(scene, Direct()) as played:
-            found.append(played.shape)
+            before = played.shape
+            found.append(before)
             for shape in played.on():
-                found.append(SNAPPED if played.snaps else shape)
-                if played.snaps:
+                has_snapped = moved(before, shape) > LEAP * float(shape.s[-1])
+                found.append(SNAPPED if has_snapped else shape)
+                if has_snapped:
                     break
+                before = shape
     except Declined as declined:
         found.append(str(declined))
     return found
