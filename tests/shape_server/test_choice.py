@@ -20,8 +20,9 @@ from protocol.kinds import Model, Outcome
 from protocol.messages import Problem, Shape, ShapeReply, ShapeRequest, Start
 from protocol.scene import Cable, LumpedMass
 from shape_server import solve
-from shape_server.accuracy.choices import compare, compared
+from shape_server.accuracy.choices import compare, compared, reference
 from shape_server.accuracy.effect_costs import costs
+from shape_server.accuracy.effect_draws import draw_effects
 
 STIFF, SOFT = cable(bending=1e-3), cable(bending=1e-9)
 
@@ -207,3 +208,27 @@ def test_three_hundred_random_scenes_keep_the_tolerance_at_the_price_of_the_best
     assert len(known) > 280
     assert np.mean([one.is_within for one in known]) >= 0.99  # measured 1.0 of 288
     assert np.median([one.price for one in known]) <= 1.45  # measured 1.33 and 1.34 with other work on the machine; aimed at: 1.3
+
+
+@pytest.mark.slow
+def test_what_is_left_out_changes_forces_and_curvature_by_no_more_than_the_answer_says() -> None:
+    """120 random requests, of which 52 leave something out, against everything on."""
+    kept = []
+    for seed in range(120):
+        drawn = draw_effects(seed)
+        shape = solve(drawn.problem, drawn.gravity, tolerance=drawn.tolerance, path=KERNELS)
+        if shape.outcome is not Outcome.CONVERGED or shape.error_tension is None or shape.error_curvature is None or not shape.left_out:
+            continue
+        exact = reference(drawn.problem, drawn, shape)
+        if exact is None:
+            continue
+        middles, at = 0.5 * (shape.s[1:] + shape.s[:-1]), 0.5 * (exact.s[1:] + exact.s[:-1])
+        tension = np.abs(np.interp(middles, at, exact.tension) - shape.tension)[1:-1].max()
+        force = np.linalg.norm(shape.grasp_wrenches[:, :3] - exact.grasp_wrenches[:, :3], axis=1).max()
+        curvature = np.abs(np.interp(shape.s, exact.s, exact.curvature) - shape.curvature).max()
+        kept.append((force <= shape.error_tension, tension <= shape.error_tension, curvature <= shape.error_curvature))
+    shares = np.mean(kept, axis=0)
+    assert len(kept) > 40
+    assert shares[0] >= 0.98  # measured 52 of 52
+    assert shares[1] >= 0.94  # measured 50 of 52
+    assert shares[2] >= 0.85  # measured 46 of 52; the others reach a least bend radius, or nearly, in the reference
