@@ -39,7 +39,7 @@ def positive_and_held(matrix, held, closed, sticks, drag, slip, growth, hard):  
         size = np.hypot(f0, f1)
         grows = size > 0.0 and not sticks[k] and growth[k] > 0.0
         is_kept[along], is_kept[across] = sticks[k] or grows, sticks[k] or size > 0.0
-        rubbing += is_kept[along] + is_kept[across]
+        rubbing += (1 if is_kept[along] else 0) + (1 if is_kept[across] else 0)
         if size > 0.0 and not sticks[k]:
             for j in range(len(matrix)):
                 first, second = turned[along, j], turned[across, j]

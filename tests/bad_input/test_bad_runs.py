@@ -30,9 +30,16 @@ def harness() -> str:
     ("mesh", "content", "words"),
     [
         ("junk.stl", bytes(range(256)) * 8, ("bodies[0].mesh", "junk.stl", "give")),
-        ("text.obj", b"hello", ("bodies[0].mesh", "text.obj", "holds no triangles; give a surface mesh")),
+        pytest.param(
+            "text.obj", b"hello", ("bodies[0].mesh", "text.obj", "holds no triangles; give a surface mesh"), marks=pytest.mark.slow
+        ),
         ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", ("bodies[0].mesh", "flat.obj", "holds no triangles; give a surface mesh")),
-        ("far.obj", b"v 0 0 0\nv 1e6 0 0\nv 0 1e6 0\nf 1 2 3\n", ("bodies[0].mesh", "far.obj", "scale it to metres")),
+        pytest.param(
+            "far.obj",
+            b"v 0 0 0\nv 1e6 0 0\nv 0 1e6 0\nf 1 2 3\n",
+            ("bodies[0].mesh", "far.obj", "scale it to metres"),
+            marks=pytest.mark.slow,
+        ),
         ("part.step", b"ISO-10303-21;", ("bodies[0].mesh", "part.step", "give STL, OBJ, PLY or GLB")),
     ],
 )
@@ -75,9 +82,10 @@ def test_a_path_that_would_tear_the_cable_is_refused_before_the_run(here: Place)
             ("robot.position=[-3, 0, 0]",),
             ("grippers[0]: arm 'left' cannot bring 'left' to", "at the start, it misses by 2", "move the target closer"),
         ),
-        (
+        pytest.param(
             ("moves.0.targets.0.approach=[-1, 0, 0]",),
             ("grippers[0]: arm 'left' cannot bring 'left' to", "in move 'left arm down'", "move the target closer"),
+            marks=pytest.mark.slow,
         ),
         (
             ("moves.3.targets.0.clip=dashboard.clip_66",),
@@ -98,9 +106,24 @@ def test_what_the_robot_cannot_do_is_said_before_the_run(settings: tuple[str, ..
     [
         # PyBullet reads past the end of the vertices of such a mesh and dies of it.
         (urdf("crash.obj"), ARMS, ("robot.model: ", "robot.urdf' makes PyBullet crash (signal 11); give one that it can load")),
-        (urdf("no.obj"), ARMS, ("robot.model: PyBullet cannot load", "robot.urdf'; give a valid URDF whose meshes exist")),
-        ("hello", ARMS, ("robot.model: PyBullet cannot load", "robot.urdf'; give a valid URDF whose meshes exist")),
-        (urdf(), ARMS.replace('"tip"}]', '"top"}]'), ("robot.arms[1]: there is no link 'top'; there are base, tip",)),
+        pytest.param(
+            urdf("no.obj"),
+            ARMS,
+            ("robot.model: PyBullet cannot load", "robot.urdf'; give a valid URDF whose meshes exist"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "hello",
+            ARMS,
+            ("robot.model: PyBullet cannot load", "robot.urdf'; give a valid URDF whose meshes exist"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            urdf(),
+            ARMS.replace('"tip"}]', '"top"}]'),
+            ("robot.arms[1]: there is no link 'top'; there are base, tip",),
+            marks=pytest.mark.slow,
+        ),
         (urdf(), "", ("robot.arms: missing; name at least one arm of", "robot.urdf' with its tip link")),
         (urdf(), ARMS, ("grippers[0]: arm 'left' cannot bring 'left' to", "at the start", "misses by")),
     ],

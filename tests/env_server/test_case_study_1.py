@@ -47,6 +47,7 @@ def slacks(step: Stepped) -> list[float]:
     return [float(1 - np.linalg.norm(b - a) / (t - s)) for (a, b), (s, t) in zip(pairwise(points), pairwise(places), strict=True)]
 
 
+@pytest.mark.slow
 def test_every_posture_is_one_or_two_catenaries_through_the_held_places_and_the_obstacle() -> None:
     worst = 0.0
     for step in run():

@@ -124,7 +124,8 @@ def test_what_happens_to_a_cable_that_is_drawn_from_the_ground_depends_on_the_fr
     assert pull[Friction.SIGNUM] > pull[Friction.DEFINED] > pull[Friction.NONE]
 
 
-@pytest.mark.parametrize("kind", [pytest.param(Friction.SIGNUM, marks=pytest.mark.slow), Friction.DEFINED])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [Friction.SIGNUM, Friction.DEFINED])
 def test_a_body_that_moves_and_turns_carries_the_cable_along_by_friction(tmp_path: Path, kind: Friction) -> None:
     """Seen from the body nothing happens; without friction the free end stays behind."""
     turn, shift = 0.6, np.array([0.2, -0.1, 0.3])

@@ -100,6 +100,7 @@ def test_a_cable_that_is_wound_up_ends_in_contact_with_itself() -> None:
     assert np.linalg.norm(first - second) == pytest.approx(DIAMETER, abs=5e-4)  # m; the smooth axis runs inside the polygon
 
 
+@pytest.mark.slow
 def test_strands_never_pass_through_each_other() -> None:
     """Link changes by two turns when they do, and otherwise only as far as the gripper turns."""
     steps, _ = play(SelfInteraction.CONTACT)

@@ -16,7 +16,7 @@ def test_every_outcome_says_what_to_try_next() -> None:
 
 def test_the_values_on_the_wire_are_these() -> None:
     """A change here is a change of the protocol: raise `protocol.VERSION` with it."""
-    assert protocol.VERSION == 4
+    assert protocol.VERSION == 5
     assert [outcome.value for outcome in Outcome] == ["converged", "unreachable", "not_converged", "unstable", "unsupported"]
     assert [hold.value for hold in Hold] == ["clamp", "hinge", "guide"]
     assert [model.value for model in Model] == ["auto", "taut", "catenary", "gradient", "rod"]

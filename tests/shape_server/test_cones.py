@@ -49,6 +49,7 @@ def test_forces_keep_the_laws_of_coulomb_and_of_contact(seed: int, count: int) -
     assert worst(matrix, right, rub, force) < 1e-7
 
 
+@pytest.mark.slow
 def test_the_interior_point_method_alone_comes_near_them() -> None:
     for seed in range(8):
         matrix, right, rub = problem(seed, 20, 2.0)

@@ -57,7 +57,7 @@ def test_a_follower_is_where_solve_is(name: str) -> None:
     assert follower.is_stable
 
 
-@pytest.mark.parametrize("name", HELD)
+@pytest.mark.parametrize("name", ["clamps", *(pytest.param(name, marks=pytest.mark.slow) for name in list(HELD)[1:])])
 def test_two_meshes_are_nearer_to_the_truth_than_one_and_say_how_far_the_one_is_off(name: str) -> None:
     problem = HELD[name]
     (_, coarse), (follower, fine) = on_the_way(problem), on_the_way(problem, extrapolate=True)

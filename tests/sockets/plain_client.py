@@ -51,7 +51,7 @@ def rows(array):
 
 def shape(address):
     socket = connect(zmq.DEALER, address)
-    welcome = ask(socket, type="Hello", version=4, role="plain client", project="cablecosim")
+    welcome = ask(socket, type="Hello", version=5, role="plain client", project="cablecosim")
     half = math.sqrt(0.5)
     request = {
         "type": "ShapeRequest", "session": "plain", "step": 0, "round": 0, "gravity": [0.0, 0.0, -9.81], "tolerance": 1e-3,
@@ -80,7 +80,7 @@ def shape(address):
 
 def env(control, frames):
     stream, socket = connect(zmq.SUB, frames), connect(zmq.DEALER, control)
-    welcome = ask(socket, type="Hello", version=4, role="plain client", project="cablecosim")
+    welcome = ask(socket, type="Hello", version=5, role="plain client", project="cablecosim")
     while (statistics := ask(socket, type="StatisticsRequest"))["state"] != "ready":
         if statistics["state"] == "failed":
             sys.exit(statistics["sentence"])

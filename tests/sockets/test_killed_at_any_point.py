@@ -107,6 +107,7 @@ def test_a_program_that_fails_at_every_point_in_turn_costs_time_and_nothing_else
     assert sum(line.startswith(words) for line in notes.restarts) >= len(points)
 
 
+@pytest.mark.slow
 def test_a_program_that_is_killed_again_and_again_ends_the_run_with_a_sentence_and_a_readable_recording(
     tmp_path: Path, undisturbed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

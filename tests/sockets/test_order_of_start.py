@@ -13,8 +13,10 @@ from programs import STEPS, Box, recorded, remote, resolved, until
 from protocol.channel import Client
 from protocol.messages import Done, StartRun, Stop
 
+ORDERS = list(itertools.permutations(["shape_server", "env_server", "viz_client"]))
 
-@pytest.mark.parametrize("order", list(itertools.permutations(["shape_server", "env_server", "viz_client"])), ids=" ".join)
+
+@pytest.mark.parametrize("order", [*ORDERS[::5], *(pytest.param(order, marks=pytest.mark.slow) for order in ORDERS[1:5])], ids=" ".join)
 def test_the_programs_may_be_started_in_any_order(box: Box, tmp_path: Path, order: tuple[str, ...]) -> None:
     programs = {}
     for name in order:

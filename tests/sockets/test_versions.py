@@ -13,10 +13,10 @@ from protocol.messages import Error, Hello, Welcome
 @pytest.mark.parametrize(
     ("hello", "sentence"),
     [
-        (Hello(version=999, role="env_server"), "the peer 'env_server' speaks version 999 of 'cablecosim', this program version 4"),
+        (Hello(version=999, role="env_server"), "the peer 'env_server' speaks version 999 of 'cablecosim', this program version 5"),
         (
-            Hello(version=4, role="a viewer", project="protocol"),
-            "the peer 'a viewer' speaks version 4 of 'protocol', this program version 4",
+            Hello(version=5, role="a viewer", project="protocol"),
+            "the peer 'a viewer' speaks version 5 of 'protocol', this program version 5",
         ),
     ],
 )

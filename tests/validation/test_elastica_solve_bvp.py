@@ -140,7 +140,7 @@ def test_the_error_estimate_is_true_on_meshes_that_resolve_the_bends(bending: fl
         assert 0.9 < shape.error / position_error(shape, exact) < 1.5
 
 
-@pytest.mark.parametrize("bending", [3e-5, 1e-5])
+@pytest.mark.parametrize("bending", [3e-5, pytest.param(1e-5, marks=pytest.mark.slow)])
 def test_the_error_estimate_covers_a_boundary_layer_thinner_than_a_segment(bending: float) -> None:
     """At the clamps of a soft cable all bending is within sqrt(EI/H), 12 and 7 mm here."""
     exact = reference(1e-4, Hold.CLAMP)
