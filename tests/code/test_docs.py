@@ -106,7 +106,7 @@ def test_the_waits_on_the_page_are_those_of_the_programs() -> None:
 def test_the_hello_on_the_page_is_one() -> None:
     (data,) = (bytes.fromhex(block) for block in blocks("hex"))
     assert data == msgpack.packb(json.loads(blocks("json")[0]))
-    assert decode(data) == Hello(version=4, role="me")
+    assert decode(data) == Hello(version=5, role="me")
 
 
 def test_the_request_on_the_page_gives_the_answer_that_it_promises() -> None:
