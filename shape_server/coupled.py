@@ -61,7 +61,10 @@ def begin(group: Group, states: Sequence[State], begun: Forces) -> Together:
 def settle(group: Group, begun: Together) -> Outcome:
     """To a stable equilibrium of all."""
     plain = _newton(group, begun, PLAIN_STEPS, TURN_MAX, is_patient=False)
-    return plain if plain.is_good else _newton(group, begun, PATIENT_STEPS, PATIENT_TURN, is_patient=True)
+    may_be_patient = not any(
+        len(system.rod.rub.rows) for system in group.systems
+    )  # with rough bodies that takes minutes, and mostly in vain
+    return _newton(group, begun, PATIENT_STEPS, PATIENT_TURN, is_patient=True) if may_be_patient and not plain.is_good else plain
 
 
 def compare(group: Group, begun: Together) -> Outcome:

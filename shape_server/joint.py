@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from .border import SOFTNESS
 from .crossing import Crossing, Met
 from .equilibrium import EXACT, NEUTRAL
 from .knots import Knots
+from .newton import AHEAD
 from .numbering import Numbering
 from .rod import Rod, State, View
 from .strand_friction import Rubs
@@ -32,6 +33,7 @@ from .strand_rows import Spread
 from .system import System
 
 Array = np.ndarray
+NEAR: Final = 1e-3  # of the length; contacts open by more, and by `newton.AHEAD` times what anything is off, are left out of a step
 
 
 @dataclass(frozen=True)
@@ -177,7 +179,8 @@ def _closed(
     pushes = np.concatenate([*(state.push[border.contacts] for state, border in zip(now.states, borders, strict=True)), now.push])
     drags = np.concatenate([*(state.drag[border.rubs] for state, border in zip(now.states, borders, strict=True)), drag])
     if len(drags):
-        law, rub_of = strand_friction.laws(rubs, [rod.rub for rod in rods]), _rub_of(rubs, rods, borders, len(now.push))
+        bodies = [rod.rub._replace(rows=rod.rub.rows[border.rubs]) for rod, border in zip(rods, borders, strict=True)]
+        law, rub_of = strand_friction.laws(rubs, bodies), _rub_of(rubs, rods, borders, len(now.push))
         found = group.path.close_with_friction(joint.matrix, joint.right, first, pushes, drags, rub_of, law, group.hard)
         change, closed, sticks, positive, rubbing, _ = found
     else:
@@ -202,9 +205,10 @@ def _rub_of(rubs: Rubs, rods: Sequence[Rod], borders: Sequence[Any], crossings: 
     """Which contact that rubs, of all of them in order, each contact row belongs to; -1 for none."""
     out, at = [], 0
     for rod, border in zip(rods, borders, strict=True):
-        own = rod.touch["rub"][border.contacts]
-        out.append(np.where(own >= 0, own + at, -1))
-        at += len(rod.rub.rows)
+        place = np.full(len(rod.rub.rows) + 1, -1)  # the last one is that of a contact without friction
+        place[border.rubs] = at + np.arange(len(border.rubs))
+        out.append(place[rod.touch["rub"][border.contacts]])
+        at += len(border.rubs)
     between = np.full(crossings, -1)
     between[rubs.row] = at + np.arange(len(rubs.row))
     return np.concatenate([*out, between])
@@ -227,7 +231,9 @@ def _part(path: ModuleType, rod: Rod, state: State, view: View, couples: Array, 
     gradient -= couples
     diagonal += blocks
     path.fix_gauge(rod, diagonal, shift)
-    border = path.border_rows(rod, state, view, EXACT, np.inf)
+    # What is left out and closes all the same is in the next step.
+    near = AHEAD * path.farthest_off(rod, state, view) + NEAR * rod.length
+    border = path.border_rows(rod, state, view, EXACT, near)
     matrix = path.border_columns(rod, view, border, carried, diagonal)
     columns = np.concatenate([matrix, more], axis=2)
     right = np.ascontiguousarray(np.concatenate([columns, gradient[:, :, None]], axis=2))
@@ -247,4 +253,6 @@ def _forced(state: State, border: Any, change: Array, closed: Array, sticks: Arr
     touches[border.contacts] = closed
     push[~touches] = 0.0
     drag[border.rubs] += change[len(change) - 2 * len(border.rubs) :].reshape(-1, 2)
-    return state._replace(force=force, push=push, touches=touches, drag=drag, sticks=np.array(sticks))
+    holds = np.zeros(len(drag), dtype=bool)
+    holds[border.rubs] = sticks
+    return state._replace(force=force, push=push, touches=touches, drag=drag, sticks=holds)

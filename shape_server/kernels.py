@@ -32,6 +32,7 @@ from .inclined import add_couples as add_couples
 from .iteration import iterate as iterate
 from .margin import smallest_stiffness as smallest_stiffness
 from .newton import border_columns as border_columns
+from .newton import farthest_off as farthest_off
 from .newton import fix_gauge as fix_gauge
 from .newton import linear_system as linear_system
 from .newton import newton_step as newton_step
