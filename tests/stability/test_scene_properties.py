@@ -29,7 +29,7 @@ from protocol.scene import Body, Gripper, Move, Scene, Target, Vector
 # Of the length. Measured 9e-7 on a plane; on a capsule 9e-5, a fifth of the tolerance asked for, where the rows of its contacts are others.
 WITHIN = {Primitive.PLANE: 5e-6, Primitive.CAPSULE: 2e-4}
 # Of what both answers say of their errors. With friction a place that is held stays off by what it was off when it was first held, on nodes
-# that the images may not share. Of 40 scenes half were off by less than 1e-8 of the length; the worst that a long search found, by 2.02 times.
+# that the images may not share. Of 40 scenes half were off by less than 1e-8 of the length; the worst of a long search by 2.02 times.
 REMEMBERED = 3.0
 STEPS = 12
 
