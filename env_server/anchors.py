@@ -135,8 +135,13 @@ def _own_anchors(anchors: Anchors, body: np.ndarray, s: np.ndarray, normal: np.n
     turned = np.array([turn_outside(poses[surface], n) for surface, n in zip(anchors.surface.tolist(), anchors.normal, strict=True)])
     away = np.abs(s[:, None] - anchors.s)
     away[(body[:, None] != anchors.surface) | (normal @ turned.T < ALIKE)] = np.inf
-    nearest = np.argmin(away, axis=1)
-    distance = away[np.arange(len(s)), nearest]
+    return each_its_own(away, near)
+
+
+def each_its_own(away: np.ndarray, near: float) -> np.ndarray:
+    """Which of some points (r,) is that of every place, -1 for none: the nearest within `near`, each for one place; `away` is (r, a)."""
+    own, nearest = np.full(len(away), -1, dtype=np.int64), np.argmin(away, axis=1)
+    distance = away[np.arange(len(away)), nearest]
     for row in np.argsort(distance, kind="stable").tolist():
         if distance[row] <= near and not (own == nearest[row]).any():
             own[row] = nearest[row]

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from protocol.kinds import SelfTouch
 from protocol.messages import CrossingReactions, Crossings, Shape
 
+from .anchors import each_its_own
 from .polyline import smooth_at
 
 NEAR: Final = 0.45  # of a segment of each cable; held points this near to two places are theirs
@@ -131,14 +132,7 @@ def _spacing(shape: Shape) -> float:
 
 
 def _nearest(held: np.ndarray, s: np.ndarray, spacing: Sequence[float]) -> np.ndarray:
-    """Which held points (a, 2) [m] are those of every place (k, 2) [m], -1 for none: the nearest, each for one place."""
-    own = np.full(len(s), -1, dtype=np.int64)
+    """Which held points (a, 2) [m] are those of every place (k, 2) [m], -1 for none."""
     if not len(held) or not len(s):
-        return own
-    away = (np.abs(s[:, None] - held[None]) / np.array(spacing)).max(axis=2)
-    nearest = np.argmin(away, axis=1)
-    distance = away[np.arange(len(s)), nearest]
-    for row in np.argsort(distance, kind="stable").tolist():
-        if distance[row] <= NEAR and not (own == nearest[row]).any():
-            own[row] = nearest[row]
-    return own
+        return np.full(len(s), -1, dtype=np.int64)
+    return each_its_own((np.abs(s[:, None] - held[None]) / np.array(spacing)).max(axis=2), NEAR)
