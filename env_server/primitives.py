@@ -10,7 +10,7 @@ The flat ends of a cylinder are not built. A cable that touches one is refused w
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import Final
 
 import numpy as np
@@ -45,9 +45,10 @@ class Primitives:
     Args:
         bodies: All bodies of the scene; the index in this sequence is the `body` of the candidates.
         meshes: Of all bodies, in the same order; those of exact bodies are not looked at.
+        limp: Indices of cables without bending, which do not round their nodes.
     """
 
-    def __init__(self, bodies: Sequence[Body], meshes: Sequence[Mesh]) -> None:
+    def __init__(self, bodies: Sequence[Body], meshes: Sequence[Mesh], limp: Set[int] = frozenset()) -> None:
         exact = [index for index, body in enumerate(bodies) if body.shape is not None]
         self._exact = np.array(exact, dtype=np.int64)
         self._names = [bodies[index].name for index in exact]
@@ -55,6 +56,7 @@ class Primitives:
         self._halves = np.array([0.5 * (bodies[index].length or 0.0) for index in exact])
         self._radii = np.array([bodies[index].radius or 0.0 for index in exact])
         self._meshes = np.array([index for index, body in enumerate(bodies) if body.shape is None], dtype=np.int64)
+        self._limp = limp
         self._touch = Touch([Surface(meshes[index].vertices, meshes[index].triangles) for index in self._meshes])
 
     def search(
@@ -99,7 +101,8 @@ class Primitives:
         columns["extent"] = np.vstack([on_meshes.extent, self._extents(hits, own, poses)])
         columns["gap"] = np.concatenate([on_meshes.gap, hits["distance"] - self._radii[own] - radius])
         columns["thickness"] = np.concatenate([on_meshes.thickness, self._radii[own]])
-        _see_bends(columns, len(on_meshes.body), nodes, radius)
+        if cable not in self._limp:
+            _see_bends(columns, len(on_meshes.body), nodes, radius)
         found = Candidates(**columns, clearance=np.minimum(on_meshes.clearance, near.min(axis=0)))
         for name in Candidates.__slots__:
             getattr(found, name).setflags(write=False)

@@ -115,7 +115,7 @@ class Stage:
         for index, body in enumerate(self.scene.bodies):
             if body.shape is not None:
                 self.extents[index] = extent(body)
-        return Primitives(self.scene.bodies, self.meshes)
+        return Primitives(self.scene.bodies, self.meshes, {k for k, cable in enumerate(self.scene.cables) if cable.bending is None})
 
     def put(self, posture: Posture) -> None:
         """Bring the rigid scene into a posture."""

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Set
+from collections.abc import Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
@@ -33,6 +33,7 @@ from protocol.scene import Vector
 
 from . import effects, hanging, ladder
 from .guess import guess
+from .limp import Plainly
 from .seen import Seen, Size, bending_of, seen_at_start, seen_in
 
 HANGING: Final = 0.5
@@ -42,8 +43,6 @@ NEGLIGIBLE: Final = 1e-5  # of the length: what is left out where a budget stand
 ROUNDS: Final = 4
 SAME_NODES: Final = frozenset(("stretch", "preform"))  # effects that need no other nodes where they are switched on
 SURELY: Final = 4.0  # layers, within which what bending moves stays in most shapes; what was found is looked at in any case
-
-Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with all that is asked for; tolerance [m], budget [s] or none
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,7 @@ def solve_chosen(problem: Problem, gravity: Vector, tolerance: float, budget: fl
     """The shape of a cable with the effects that it calls for, and what those left out could have changed."""
     begun = time.perf_counter()
     forced = dict(problem.effects or {})
-    bare = msgspec.structs.replace(problem, effects=None)
+    bare = problem.altered(effects=None)
     names = tuple(name for name in effects.asked_for(bare, gravity) if name in CHOOSABLE)
     choice = Choice(bare, gravity, names, forced, tolerance if budget is None else NEGLIGIBLE * problem.cable.length, path)
     if not choice.free and not choice.refused:
@@ -221,7 +220,7 @@ def without(problem: Problem, gravity: Vector, off: Set[str]) -> tuple[Problem, 
     parts: dict[str, Any] = {name: None for name in gone if name not in ("micro_length", "bend_radius")}
     sections = tuple(replace(section, **parts) for section in cable.sections) if parts else cable.sections
     bare = replace(cable, **gone, masses=masses, sections=sections) if gone or masses is not cable.masses else cable
-    changed = msgspec.structs.replace(problem, cable=bare, loads=None if "loads" in off else loads)
+    changed = problem.altered(cable=bare, loads=None if "loads" in off else loads)
     return changed, (0.0, 0.0, 0.0) if "gravity" in off else gravity
 
 
@@ -236,7 +235,7 @@ def _solved(
         model = Model.CATENARY if problem.cable.bending is None else ladder.of_bending(problem, gravity, left)
         if model is Model.AUTO or (model is Model.TAUT and choice.forced.get("bending")):
             model = Model.ROD
-    problem = msgspec.structs.replace(problem, model=model, start=problem.start if near is None else near)
+    problem = problem.altered(model=model, start=problem.start if near is None else near)
     return plainly(problem, gravity, left, budget)
 
 
@@ -273,8 +272,7 @@ def _priced(choice: Choice, shape: Shape, sizes: dict[str, Size], off: Set[str],
         for name in sorted(choice.refused)
         if left_out[name] > OTHERS * choice.allowed
     ]
-    return msgspec.structs.replace(
-        shape,
+    return shape.altered(
         effects=on,
         left_out={**shape.left_out, **left_out},
         error=None if shape.error is None else shape.error + sum(left_out.values()),
@@ -284,7 +282,7 @@ def _priced(choice: Choice, shape: Shape, sizes: dict[str, Size], off: Set[str],
         else float(shape.error_curvature + sum(sizes[name].curvature for name in left_out)),
         sentence="; ".join([shape.sentence, *warnings]),
         predicted=predicted,
-        cost=msgspec.structs.replace(shape.cost, solve=seconds - shape.cost.estimate - shape.cost.certify),
+        cost=shape.cost.altered(solve=seconds - shape.cost.estimate - shape.cost.certify),
     )
 
 

@@ -24,6 +24,11 @@ def curve_frames(mesh: Mesh, problem: Problem, gravity: np.ndarray, path: Module
     free end to the first held point a straight line. The frames turn with the curve (rotation-minimising), and the roll
     that the clamps ask for is spread evenly, with the whole turns that the problem asks for beyond that.
     """
+    return _rolled(mesh, problem, curve_tangents(mesh, problem, gravity, path, pull), path)
+
+
+def curve_tangents(mesh: Mesh, problem: Problem, gravity: np.ndarray, path: ModuleType, pull: float = PULL) -> np.ndarray:
+    """Tangents (n-1, 3) of the same curve."""
     grasps = problem.grasps
     directions = tangents_at(grasps, gravity)
     tangents = np.empty((len(mesh.lengths), 3))
@@ -37,7 +42,7 @@ def curve_frames(mesh: Mesh, problem: Problem, gravity: np.ndarray, path: Module
         span = float(mesh.s[last] - mesh.s[first])
         down = _downwards(gravity, ends[1] - ends[0])
         tangents[first:last] = path.sagging_tangents(ends[0], ends[1], directions[k], directions[k + 1], down, span, pull * span, fractions)
-    return _rolled(mesh, problem, tangents, path)
+    return tangents
 
 
 def _downwards(gravity: np.ndarray, chord: np.ndarray) -> np.ndarray:

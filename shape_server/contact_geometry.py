@@ -11,7 +11,8 @@ half the turn alpha of the axis at that node, towards the feature: b' = (-alpha_
 axis bends around the feature and 0 where it bends away. The turns count as given numbers when the gap is differentiated: a
 change of theirs moves it by h/8 of the change, which the next iteration takes up. The bulge cancels the ripple, the force
 turns smoothly from segment
-to segment, and the axis stays clear by at most kappa h^2 / 8 of what it touches, never too near.
+to segment, and the axis stays clear by at most kappa h^2 / 8 of what it touches, never too near. A row that `is_straight` has no
+bulge (`system`).
 
 First derivative, with c the nearest point, t the tangent, n the normal and e the edge, m = e x n, mu = m.t (for a vertex
 m = t, mu = 1, and a further row across), a = m.dc, b_ = n.dt, d the distance: the point slides by -(a + d b_ / mu) / mu, so
@@ -98,7 +99,7 @@ def contact_geometry(nodes, axes, lengths, touch, fraction):  # type: ignore[no-
         does not slide), d [m], the couple b' d / mu^2 [m], and b'' [1/m].
     """
     element, feature, point, given = touch["element"], touch["feature"], touch["point"], touch["normal"]
-    direction, extent, distance = touch["direction"], touch["extent"], touch["distance"]
+    direction, extent, distance, is_straight = touch["direction"], touch["extent"], touch["distance"], touch["is_straight"]
     many = element.shape[0]
     gap, numbers = np.empty(many), np.zeros((many, 4))
     normal, push, slide, across = np.empty((many, 3)), np.empty((many, 3)), np.zeros((many, 3)), np.zeros((many, 3))
@@ -136,7 +137,8 @@ def contact_geometry(nodes, axes, lengths, touch, fraction):  # type: ignore[no-
         _directions(axes[j, 2], normal[c], direction[c], kind, is_free, slide[c], across[c])
         # In one plane with an edge that it crosses, a cable is square to the way in which it could slide.
         if is_free and abs(_dot(slide[c], axes[j, 2])) > SQUARE:
-            gap[c] -= _let_slide(axes, lengths[j], j, fraction[c], normal[c], slide[c], push[c], numbers[c])
+            turns = (0.0, 0.0) if is_straight[c] == 1 else (_turn(axes, j, normal[c]), _turn(axes, j + 1, normal[c]))
+            gap[c] -= _let_slide(axes[j, 2], lengths[j], turns, fraction[c], slide[c], push[c], numbers[c])
     return gap, normal, push, slide, across, numbers
 
 
@@ -175,10 +177,10 @@ def _directions(t, n, e, feature, is_free, slide, across):  # type: ignore[no-un
 
 
 @njit(cache=True, error_model="numpy")
-def _let_slide(axes, h, j, share, n, slide, push, numbers):  # type: ignore[no-untyped-def]
-    """Bulge [m] under a contact that can slide; adds its slope to `push`, and fills in `numbers`."""
-    mu, d = _dot(slide, axes[j, 2]), numbers[1]
-    value, slope, bend = _bulge(share, h, _turn(axes, j, n), _turn(axes, j + 1, n))
+def _let_slide(tangent, h, turns, share, slide, push, numbers):  # type: ignore[no-untyped-def]
+    """Bulge [m] under a contact that can slide, by the turns at its segment's ends; adds its slope to `push`, and fills in `numbers`."""
+    mu, d = _dot(slide, tangent), numbers[1]
+    value, slope, bend = _bulge(share, h, turns[0], turns[1])
     for k in range(3):
         push[k] += slope / mu * slide[k]
     numbers[0], numbers[2], numbers[3] = mu, slope * d / (mu * mu), bend

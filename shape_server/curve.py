@@ -7,7 +7,8 @@ from numba import njit
 
 POINTS = 121  # of a curve, to measure its length and to cut it into equal shares
 SAG_MOST = 64.0  # of the length
-HALVINGS = 40
+ROUNDS = 40
+CLOSE = 1e-13  # of the length, to which a curve has its length
 
 
 @njit(cache=True)
@@ -29,15 +30,26 @@ def sagging_tangents(start, end, first, last, down, length, pull, fractions):  #
     """
     points = np.empty((POINTS, 3))
     ends = (start, end, first, last, down)
-    sags = _excess(ends, pull, 0.0, length, points) < 0.0
+    straight = _excess(ends, pull, 0.0, length, points)
+    sags = straight < 0.0
     low, high = 0.0, SAG_MOST * length if sags else pull
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
+    short = straight if sags else _excess(ends, 0.0, 0.0, length, points)
+    long = _excess(ends, pull, high, length, points) if sags else straight
+    side, middle = 0, low if short >= 0.0 else high
+    for _ in range(ROUNDS):  # false position after Illinois
+        if short < 0.0 < long:
+            middle = (low * long - high * short) / (long - short)
         excess = _excess(ends, pull, middle, length, points) if sags else _excess(ends, middle, 0.0, length, points)
+        if abs(excess) <= CLOSE * length or not short < 0.0 < long:
+            break
         if excess < 0.0:
-            low = middle
+            low, short = middle, excess
+            long *= 0.5 if side < 0 else 1.0
+            side = -1
         else:
-            high = middle
+            high, long = middle, excess
+            short *= 0.5 if side > 0 else 1.0
+            side = 1
     return _chords(points, fractions)
 
 

@@ -20,6 +20,7 @@ Source: Irvine 1981, "Cable structures", ch. 1, for the pieces; the energies by 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -62,6 +63,17 @@ class Draped:
                 forces = self.pieces[index - 1].end_force, -self.pieces[index].start_force
                 out.append(Bend(*(force / max(float(np.linalg.norm(force)), 1e-300) for force in forces)))
         return out
+
+    @property
+    def wound(self) -> float:
+        """By how much longer a cable bends sharply about round bodies than it would lie round them [m]."""
+        wound = 0.0
+        for index, stop in enumerate(self.stops[1:-1], start=1):
+            if isinstance(stop, Slide):
+                tension = 0.5 * (self.pieces[index - 1].tension[-1] + self.pieces[index].tension[0])
+                half = math.asin(min(0.5 * float(np.linalg.norm(self.push(index))) / max(tension, 1e-300), 1.0))
+                wound += stop.distance * 2.0 * (math.tan(min(half, 1.5)) - half)
+        return float(wound)
 
     def outward(self, stop: int) -> float:
         """What a contact pushes with [N], away from what it is about; negative where it pulls.

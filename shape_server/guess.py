@@ -11,7 +11,6 @@ theta to its force F, it bends by 2 sin(theta / 2) sqrt(F / EI) at least, the cu
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from types import ModuleType
 from typing import Final
@@ -21,7 +20,7 @@ import numpy as np
 from protocol.messages import Problem
 from protocol.scene import Vector
 
-from .cold import curve_frames
+from .cold import curve_tangents
 from .mesh import even, stops
 from .seen import Seen, see
 
@@ -33,9 +32,9 @@ def guess(problem: Problem, gravity: Vector, path: ModuleType) -> Seen:
     """What a problem without a start shape may look like."""
     grasps, acceleration = problem.grasps, np.asarray(gravity)
     mesh = even(stops(problem), grasps.s, SEGMENTS)
-    frames = curve_frames(mesh, problem, acceleration, path)
+    tangents = curve_tangents(mesh, problem, acceleration, path)
     count, held, s = len(grasps.s), mesh.grasp_nodes.tolist(), mesh.s.tolist()
-    mass = np.append(0.0, np.cumsum(mesh.lengths * mesh.along(problem.cable, "mass_per_length"))).tolist()  # kg, up to every node
+    mass = [0.0, *(mesh.lengths * mesh.along(problem.cable, "mass_per_length")).cumsum().tolist()]  # kg, up to every node
     shares, along = [0.0] * count, [(0.0, 0.0, 0.0)] * (count + 1)
     shares[0], shares[-1] = mass[held[0]], mass[-1] - mass[held[-1]]
     places = grasps.position.tolist()
@@ -50,16 +49,15 @@ def guess(problem: Problem, gravity: Vector, path: ModuleType) -> Seen:
         shares[k + 1] += 0.5 * weight
     pulls = np.array(along)
     forces = pulls[:-1] - pulls[1:] - np.array(shares)[:, None] * acceleration
-    seen = see(problem, gravity, mesh.s, frames, forces, np.zeros((0, 3)), path)
-    return replace(seen, curvature=_with_layers(seen)) if seen.bending[0] > 0.0 else seen
+    seen = see(problem, gravity, mesh, tangents, forces, np.zeros((0, 3)))
+    if seen.bending[0] > 0.0:
+        _add_layers(seen)
+    return seen
 
 
-def _with_layers(seen: Seen) -> np.ndarray:
-    """The curvature (n-2, 3) [1/m], beside every clamp at least that of the layer which the curve is too smooth to show."""
-    curvature = seen.curvature.copy()
+def _add_layers(seen: Seen) -> None:
+    """Let it bend, beside every clamp, at least as the layer does that the curve is too smooth to show."""
     for clamp in seen.clamps:
         sharp = 2.0 * math.sqrt(clamp.force / seen.bending[0]) * math.sin(0.5 * clamp.angle)
-        row = min(max(clamp.node - 1, 0), len(curvature) - 1)
-        if sharp > math.hypot(*curvature[row, :2].tolist()):
-            curvature[row] = (sharp, 0.0, 0.0)
-    return curvature
+        row = min(max(clamp.node - 1, 0), len(seen.bend) - 1)
+        seen.bend[row] = max(seen.bend[row], sharp)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import ModuleType
@@ -23,6 +23,7 @@ from .mesh import Mesh, even, from_nodes, stops
 if TYPE_CHECKING:
     from .arcs import Laid
 
+CLOSED_FORM = "closed form"
 SEGMENTS = (25, 50, 100, 200, 400)
 STEEPER = 1.02  # times the curvature at its ends, inside a segment: 0.2 % more deviation were seen in 24 random catenaries
 
@@ -62,7 +63,7 @@ def solve_hanging(
     if touched is not None:
         from .touching import solve_touching
 
-        return solve_touching(problem, load, tolerance, path)
+        return solve_touching(problem, load, tolerance, clock, path)
     grasps = problem.grasps
     for first, last in pairwise(range(len(grasps.s))):
         span, chord = grasps.s[last] - grasps.s[first], float(np.linalg.norm(grasps.position[last] - grasps.position[first]))
@@ -75,17 +76,23 @@ def solve_hanging(
     if problem.start is not None:
         mesh = from_nodes(np.array(problem.start.s), problem.cable.length, grasps.s)
         return pieces_of(problem, load, mesh, grasps.s, grasps.position, path)
-    for segments in SEGMENTS:
+    meshes = [even(stops(problem), grasps.s, segments) for segments in SEGMENTS]
+    return on_finer(lambda mesh: pieces_of(problem, load, mesh, grasps.s, grasps.position, path), meshes, tolerance, clock)
+
+
+def on_finer(made: Callable[[Mesh], Hanging], meshes: Sequence[Mesh], tolerance: float, clock: Clock | None) -> Hanging:
+    """The shape on the first mesh that is fine enough; with a clock on the finest one that fits into its budget, whatever the tolerance."""
+    for mesh in meshes:
         if clock is not None:
             clock.begin()
-        hanging = pieces_of(problem, load, even(stops(problem), grasps.s, segments), grasps.s, grasps.position, path)
+        hanging = made(mesh)
         if clock is not None:
-            clock.level(segments)
-            if segments == SEGMENTS[-1] or not clock.fits(2 * segments):
+            clock.level(len(mesh.lengths))
+            if not clock.fits(2 * len(mesh.lengths)):
                 return hanging
         elif hanging.sag <= tolerance:
             return hanging
-    return replace(hanging, sentence=too_coarse(hanging.sag, tolerance))
+    return hanging if clock is not None else replace(hanging, sentence=too_coarse(hanging.sag, tolerance))
 
 
 def not_built(problem: Problem, weight: float) -> str:
@@ -121,18 +128,20 @@ def pieces_of(
     rows of `contact_forces`.
     """
     order = np.argsort(s, kind="stable")
-    nodes, tension, curvature = np.empty((len(mesh.s), 3)), np.empty(len(mesh.s)), np.zeros(len(mesh.s))
+    nodes, tension, curvature = np.empty((len(mesh.s), 3)), np.empty((len(mesh.lengths), 2)), np.zeros(len(mesh.s))
     forces = np.zeros((len(s), 3))
     first, last = order[0], order[-1]
     for end, tail in ((first, mesh.s <= s[first]), (last, mesh.s >= s[last])):
-        nodes[tail], tension[tail], pull = _tail(problem, load, points[end], np.abs(mesh.s[tail] - s[end]))
+        nodes[tail], pulls, pull = _tail(problem, load, points[end], np.abs(mesh.s[tail] - s[end]))
+        tension[_segments(tail)] = _pairs(pulls)
         forces[end] += pull
     lies = np.zeros(len(mesh.lengths), dtype=bool)
     for first, last in pairwise(order):
         inside = (mesh.s >= s[first]) & (mesh.s <= s[last])
         laid = next((arc for arc in arcs if arc.s[0] == s[first]), None)
         if laid is not None:
-            nodes[inside], tension[inside], curvature[inside] = laid.at(mesh.s[inside])
+            nodes[inside], pulls, curvature[inside] = laid.at(mesh.s[inside])
+            tension[_segments(inside)] = _pairs(pulls)
             forces[first] -= laid.force[0]
             forces[last] += laid.force[-1]
             lies |= (mesh.s[:-1] >= s[first]) & (mesh.s[1:] <= s[last])
@@ -140,21 +149,23 @@ def pieces_of(
         ends = (points[first], points[last], float(s[last] - s[first]), load)
         own, stretch = mesh.s[inside] - s[first], problem.cable.stretch
         piece: Piece = hang(*ends, own) if stretch is None else hang_elastic(*ends, stretch, own)
-        nodes[inside], tension[inside], curvature[inside] = piece.nodes, piece.tension, piece.curvature
+        nodes[inside], curvature[inside] = piece.nodes, np.maximum(curvature[inside], piece.curvature)
+        tension[_segments(inside)] = _pairs(piece.tension)
         forces[first] += piece.start_force
         forces[last] += piece.end_force
     grasp_count = len(problem.grasps.s)
-    sag = _sag(tension, curvature, mesh.lengths, float(np.linalg.norm(load)))
+    hung = float(np.linalg.norm(load)) * mesh.lengths
+    sag = _sag(tension, curvature, mesh.lengths, hung)
     sag[lies] = (0.125 * np.maximum(curvature[1:], curvature[:-1]) * mesh.lengths**2)[lies]
     chords = np.diff(nodes, axis=0)
     tangents = chords / np.maximum(np.linalg.norm(chords, axis=1), 1e-300)[:, None]
     return Hanging(
         outcome=Outcome.CONVERGED,
-        sentence="closed form",
+        sentence=CLOSED_FORM,
         mesh=mesh,
         nodes=nodes,
         frames=path.frames_along(tangents, np.array(problem.grasps.quaternion[0]), int(mesh.grasp_nodes[0])),
-        tension=0.5 * (tension[:-1] + tension[1:]),
+        tension=np.where(lies, tension.mean(axis=1), middle_tension(tension, hung)),
         curvature=curvature,
         grasp_forces=forces[:grasp_count],
         contact_forces=forces[grasp_count:],
@@ -171,22 +182,40 @@ def _tail(problem: Problem, load: np.ndarray, top: np.ndarray, below: np.ndarray
     return top + np.outer(down, load / weight), weight * (length - below), -length * load
 
 
-def _sag(tension: np.ndarray, curvature: np.ndarray, lengths: np.ndarray, weight: float) -> np.ndarray:
+def middle_tension(tension: np.ndarray, hung: np.ndarray) -> np.ndarray:
+    """Tension (n-1,) [N] in the middle of segments that hang freely, by that at both their ends (n-1, 2) [N] and their weights (n-1,) [N].
+
+    The force is linear along the cable, so that T^2 in the middle is the mean of T^2 at the ends less the weight squared over four.
+    """
+    return np.asarray(np.sqrt(np.maximum(0.5 * (tension**2).sum(axis=1) - 0.25 * hung**2, 0.0)))
+
+
+def _segments(nodes: np.ndarray) -> np.ndarray:
+    """Which segments (n-1,) lie between nodes (n,) of a part."""
+    return np.asarray(nodes[:-1] & nodes[1:])
+
+
+def _pairs(values: np.ndarray) -> np.ndarray:
+    """Values (k,) at nodes as those at both ends of the segments between them, (k-1, 2)."""
+    return np.stack([values[:-1], values[1:]], axis=1)
+
+
+def _sag(tension: np.ndarray, curvature: np.ndarray, lengths: np.ndarray, hung: np.ndarray) -> np.ndarray:
     """Distance (n-1,) [m] that the curve may have from the segments between its nodes: largest curvature times length squared over eight.
 
     Curvature is w H / T^2. Inside a segment at whose ends the vertical force V, which grows by w l, is of different signs, it is w / H.
 
     Args:
-        tension: (n,) [N] At the nodes, T^2 = H^2 + V^2.
+        tension: (n-1, 2) [N] At both ends of the segments, T^2 = H^2 + V^2.
         curvature: (n,) [1/m] At the nodes.
         lengths: (n-1,) [m].
-        weight: [N/m].
+        hung: (n-1,) [N] Weights of the segments.
     """
-    first, last, hung = tension[:-1], tension[1:], weight * lengths
+    first, last = tension.T
     upright = 0.5 * ((last**2 - first**2) / hung - hung)
     level = np.sqrt(np.maximum(first**2 - upright**2, 0.0))
     turns = (upright < 0.0) & (upright + hung > 0.0)
-    steepest = np.where(turns, weight / np.maximum(level, 1e-300), STEEPER * np.maximum(curvature[:-1], curvature[1:]))
+    steepest = np.where(turns, hung / (lengths * np.maximum(level, 1e-300)), STEEPER * np.maximum(curvature[:-1], curvature[1:]))
     sag: np.ndarray = np.minimum(steepest * lengths**2 / 8, 0.5 * lengths)
     return sag
 

@@ -30,7 +30,7 @@ from .answer import no_shape
 from .balance import balanced
 from .clock import Clock
 from .cold import tangent_of
-from .hanging import not_built, solve_hanging
+from .hanging import middle_tension, not_built, solve_hanging
 from .mesh import Mesh, even, stops
 
 LAYER: Final = 1.3  # times sqrt(EI / T), what a catenary misses beside a clamp
@@ -195,9 +195,9 @@ def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: 
     if not _is_plain(problem):
         sentence = "a taut line is a cable held at its two ends that touches and carries nothing"
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "taut", time.perf_counter() - begun)
-    mesh = even(stops(problem), grasps.s, SEGMENTS[0])
+    mesh, load = even(stops(problem), grasps.s, SEGMENTS[0]), cable.mass_per_length * np.asarray(gravity)
     try:
-        line = lay_taut(grasps.position[0], grasps.position[1], cable.length, cable.mass_per_length * np.asarray(gravity), mesh.s)
+        line = lay_taut(grasps.position[0], grasps.position[1], cable.length, load, mesh.s)
     except ValueError as error:
         return no_shape(problem, used, Outcome.UNREACHABLE, str(error), "taut", time.perf_counter() - begun)
     sag = {name: line.error for name in ("bending" if cable.bending is not None else "gravity",)}
@@ -205,12 +205,12 @@ def taut_shape(problem: Problem, gravity: Vector, used: tuple[str, ...], begun: 
         mesh=mesh,
         nodes=line.nodes,
         frames=_frames(line.nodes, grasps.quaternion[0], path),
-        tension=0.5 * (line.tension[1:] + line.tension[:-1]),
+        tension=middle_tension(np.stack([line.tension[:-1], line.tension[1:]], axis=1), math.hypot(*load.tolist()) * mesh.lengths),
         curvature=np.zeros(len(mesh.s)),
         wrenches=np.hstack([[line.start_force, line.end_force], np.zeros((2, 3))]),
         contact_forces=np.zeros((0, 3)),
         contact_s=np.zeros(0),
-        energy=-float(np.vdot(cable.mass_per_length * np.asarray(gravity), 0.5 * mesh.lengths @ (line.nodes[1:] + line.nodes[:-1]))),
+        energy=-float(np.vdot(load, 0.5 * mesh.lengths @ (line.nodes[1:] + line.nodes[:-1]))),
         error=0.0,
         error_tension=line.tension_error if cable.bending is None else None,
         left_out=sag,

@@ -35,8 +35,9 @@ class Mesh:
         """Forces (m, 3) [N] at arc lengths s (m,) [m], shared by the two nodes of their segments: (n, 3)."""
         out = np.zeros((len(self.s), 3))
         segment, fraction = self.locate(s)
-        np.add.at(out, segment, (1.0 - fraction)[:, None] * force)
-        np.add.at(out, segment + 1, fraction[:, None] * force)
+        for j, share, own in zip(segment.tolist(), fraction.tolist(), force, strict=True):  # few: np.add.at costs more than that
+            out[j] += (1.0 - share) * own
+            out[j + 1] += share * own
         return out
 
     def along(self, cable: Cable, name: str) -> np.ndarray:
@@ -68,7 +69,7 @@ def stops(problem: Problem) -> np.ndarray:
     for place in places:
         if min(abs(place - other) for other in kept) > near:
             kept.append(place)
-    return np.asarray(np.clip(np.sort(kept), 0.0, cable.length))
+    return np.array([min(max(place, 0.0), cable.length) for place in sorted(kept)])
 
 
 def even(places: np.ndarray, grasps: np.ndarray, segments: int) -> Mesh:
@@ -129,12 +130,12 @@ def from_nodes(s: np.ndarray, length: float, grasps: np.ndarray) -> Mesh:
     near = 1e-9 * length
     if abs(s[0]) > near or abs(s[-1] - length) > near:
         raise MessageError(f"start.s: runs from {s[0]:g} to {s[-1]:g} m; must run from 0 to the length, {length:g} m", key="start.s")
-    nodes = np.minimum(np.searchsorted(s, grasps - near), len(s) - 1)
-    stray = np.flatnonzero(np.abs(s[nodes] - grasps) > near)
-    if len(stray):
-        grasp = grasps[stray[0]]
+    nodes = np.minimum(s.searchsorted(grasps - near), len(s) - 1)
+    away = np.abs(s[nodes] - grasps)
+    if away.max(initial=0.0) > near:
+        grasp = grasps[away > near][0]
         raise MessageError(f"start.s: has no node at the held point {grasp:g} m; every held point must be a node", key="start.s")
-    return Mesh(s=s, lengths=np.diff(s), grasp_nodes=nodes)
+    return Mesh(s=s, lengths=s[1:] - s[:-1], grasp_nodes=nodes)
 
 
 def halved(mesh: Mesh) -> Mesh:

@@ -32,6 +32,7 @@ FINEST: Final = 12_000  # segments of the last one
 FINEST_TOUCHING: Final = 900  # with contacts, which every finer mesh multiplies
 ATTEMPTS: Final = 3  # at a first shape, each on twice as many segments: contacts may not fit into a coarse mesh
 THINNED: Final = 1.95  # times the error on meshes that have fewer rows the coarser they are, which converge more like first order
+CURVED: Final = 2.0  # times the change of curvature, a second derivative, which beside clamps and loads is less regular than that of places
 SLIDES: Final = 5  # segments that a contact may slide, where with one no shape was found
 TWIST_MOST: Final = 2.2  # rad between neighbouring segments of the first mesh
 TURN_MOST: Final = 0.5  # rad between neighbouring segments
@@ -147,7 +148,7 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
     plain = Price(
         error=share * gaps[-1] + floor,
         error_tension=share * _change(before.sections[0], reading.tension),
-        error_curvature=share * _change(before.sections[1], reading.curvature),
+        error_curvature=CURVED * share * _change(before.sections[1], reading.curvature) + last.hidden,
         iterations=spent,
         solved=solved,
     )
@@ -163,7 +164,7 @@ def judged(task: Task, levels: list[Solution], spent: int) -> tuple[Reading, Pri
     return finer, Price(
         error=share * float(np.linalg.norm(finer.nodes[::2] - coarser.nodes, axis=1).max()) + floor,
         error_tension=share * _change(coarser.tension, finer.tension),
-        error_curvature=share * _change(coarser.curvature, finer.curvature),
+        error_curvature=CURVED * share * _change(coarser.curvature, finer.curvature) + last.hidden,
         iterations=spent,
         solved=solved,
     )

@@ -87,7 +87,7 @@ def combined(coarse: Solution, fine: Solution) -> Reading:
         nodes=second.nodes + _between((second.nodes[::2] - first.nodes) / 3),
         frames=path.retract(second.frames, _beside(away)),
         tension=second.tension + _beside((_to_middles(second.tension) - first.tension) / 3),
-        curvature=np.maximum(second.curvature + _between((second.curvature[::2] - first.curvature) / 3), 0.0),
+        curvature=np.maximum(second.curvature + _between_ends((second.curvature[::2] - first.curvature) / 3), 0.0),
         wrenches=second.wrenches + (second.wrenches - first.wrenches) / 3,
         energy=second.energy + (second.energy - first.energy) / 3,
         total_twist=second.total_twist + (second.total_twist - first.total_twist) / 3,
@@ -136,6 +136,15 @@ def _beside(values: np.ndarray) -> np.ndarray:
     out = np.empty((2 * len(values), *values.shape[1:]))
     slope = np.gradient(values, axis=0) if len(values) > 1 else np.zeros_like(values)
     out[::2], out[1::2] = values - 0.25 * slope, values + 0.25 * slope
+    return out
+
+
+def _between_ends(values: np.ndarray) -> np.ndarray:
+    """The same (2n-1,), beside the ends without regard to the ends: at clamps curvature is that of the moment, more exact than beside."""
+    out = _between(values)
+    if len(values) >= 5:
+        out[1] = (15 * values[1] - 10 * values[2] + 3 * values[3]) / 8
+        out[-2] = (15 * values[-2] - 10 * values[-3] + 3 * values[-4]) / 8
     return out
 
 

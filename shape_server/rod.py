@@ -66,6 +66,7 @@ TOUCH = np.dtype(
         ("direction", float, 3),  # unit
         ("extent", float, 2),  # m, of the edge from `point`
         ("distance", float),  # m
+        ("is_straight", np.int64),  # 1 where the distance is that of the straight segment, without a bulge (`contact_geometry`)
     ]
 )
 

@@ -18,7 +18,7 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
 
     Tension is that at the middle of every segment; of a clamp inside the cable the curvature is the larger of its two sides.
     """
-    count = len(rod.lengths)
+    count, limit = len(rod.lengths), rod.elastic.limit[0] if len(rod.elastic.limit) > 0 else np.inf
     carried = carried_forces(node_forces(rod, state, view), rod.base)
     tension, curvature = np.empty(count), np.zeros(count + 1)
     moments, rho, world = np.zeros((len(rod.clamp_frames), 3)), np.empty(4), np.empty(3)
@@ -30,6 +30,9 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
         if clamp < 0 and 0 < i < count:
             relative(state.frames[i - 1], state.frames[i], rho)
             curvature[i] = _bend(rho, 0.5 * (rod.lengths[i - 1] + rod.lengths[i]), INNER)
+        elif clamp < 0:  # an end without a moment keeps the curvature that it has by nature
+            bent = rod.elastic.bent[min(i, count - 1)]
+            curvature[i] = np.sqrt(bent[0] * bent[0] + bent[1] * bent[1])
         for side in range(2):
             segment = i - 1 + side
             if clamp < 0 or segment < 0 or segment >= count:
@@ -38,8 +41,11 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
             second = rod.clamp_frames[clamp] if side == 0 else state.frames[segment]
             relative(first, second, rho)
             cell = 0.5 * rod.lengths[segment]
-            curvature[i] = max(curvature[i], _bend(rho, cell, CLAMP))
-            clamp_moment(rho, cell, rod.elastic.law[segment], rod.elastic.bent[segment], second, world)
+            law, bent = rod.elastic.law[segment], rod.elastic.bent[segment]
+            clamp_moment(rho, cell, law, bent, second, world)
+            own, bend = _bend(rho, cell, CLAMP), _held_bend(world, rod.clamp_frames[clamp], law, bent)
+            is_law = len(rod.elastic.smoothing) == 0 and max(own, bend) < limit  # else more than this moment bends it
+            curvature[i] = max(curvature[i], bend if is_law else own)
             for k in range(3):
                 moments[clamp, k] += world[k] if side == 0 else -world[k]
     if len(rod.elastic.smoothing) > 0:
@@ -112,6 +118,16 @@ def twist_of(frames, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-de
 @njit(cache=True)
 def _bend(rho, cell, kind):  # type: ignore[no-untyped-def]
     return strain_scale(rho[3], cell, kind) * np.sqrt(rho[0] * rho[0] + rho[1] * rho[1])
+
+
+@njit(cache=True)
+def _held_bend(moment, frame, law, bent):  # type: ignore[no-untyped-def]
+    """Curvature [1/m] at a clamp by the moment there: the cell's own is that of its middle, whose axes precess from those of the clamp."""
+    x, y, z, w = frame[0], frame[1], frame[2], frame[3]
+    u, v, t = moment[0], moment[1], moment[2]
+    first = (1.0 - 2.0 * (y * y + z * z)) * u + 2.0 * (x * y + w * z) * v + 2.0 * (x * z - w * y) * t
+    second = 2.0 * (x * y - w * z) * u + (1.0 - 2.0 * (x * x + z * z)) * v + 2.0 * (y * z + w * x) * t
+    return np.hypot(first / law[0] + bent[0], second / law[1] + bent[1])
 
 
 @njit(cache=True)

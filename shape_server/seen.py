@@ -2,7 +2,7 @@
 
     n(s) = -(sum of all forces at points up to s, and of the weight up to s)   [N], the force carried, by statics alone,
     T = n . t, Q = |n x t|: its parts along and across the tangent t,
-    kappa: turn of the section from segment to segment over their distance [1/m], about d1, d2 and d3.
+    kappa = 2 |t_i+1 - t_i| / (l_i + l_i+1): turn of the tangent from segment to segment over their distance [1/m].
 
 Between two held points a chord of c [m] is spanned by a length L [m] of cable: the slack L - c is what the shape lives on. A shallow
 shape, catenary or arch, sags by sqrt(3 c (L - c) / 8) (the parabola's series, Irvine 1981, "Cable Structures", ch. 2), so that
@@ -31,7 +31,6 @@ from protocol.scene import Cable, Section, Vector
 from . import numpy_path
 from .cold import tangent_of
 from .mesh import Mesh, from_nodes
-from .numpy_vertices import relative
 
 
 class Size(NamedTuple):
@@ -78,7 +77,7 @@ class Seen:
     tangents: np.ndarray  # (n-1, 3)
     force: np.ndarray  # (n-1, 3) N, carried in the middle of every segment
     weight: np.ndarray  # (n-1,) N, of every segment
-    curvature: np.ndarray  # (n-2, 3) 1/m, at every inner node, in the axes of the section
+    bend: np.ndarray  # kappa (n-2,) 1/m, at every inner node
     spans: tuple[Span, ...]
     clamps: tuple[Clamp, ...]
     bending: tuple[float, float]  # N m^2, least and largest EI of the cable
@@ -95,12 +94,6 @@ class Seen:
         across = np.einsum("ij,ij->i", self.force, self.force) - self.tension**2
         shear: np.ndarray = np.sqrt(np.maximum(across, 0.0))
         return shear
-
-    @cached_property
-    def bend(self) -> np.ndarray:
-        """Curvature of bending (n-2,) [1/m]."""
-        bend: np.ndarray = np.hypot(self.curvature[:, 0], self.curvature[:, 1])
-        return bend
 
     @cached_property
     def bend_most(self) -> float:
@@ -165,7 +158,8 @@ def bending_of(cable: Cable) -> tuple[float, float]:
 
 def seen_in(problem: Problem, gravity: Vector, shape: Shape, path: ModuleType = numpy_path) -> Seen:
     """An answer to a problem."""
-    return see(problem, gravity, shape.s, shape.frames, shape.grasp_wrenches[:, :3], shape.contact_forces, path)
+    mesh = from_nodes(shape.s, problem.cable.length, problem.grasps.s)
+    return see(problem, gravity, mesh, path.directors(shape.frames)[:, 2], shape.grasp_wrenches[:, :3], shape.contact_forces)
 
 
 def seen_at_start(problem: Problem, gravity: Vector, path: ModuleType = numpy_path) -> Seen | None:
@@ -174,22 +168,20 @@ def seen_at_start(problem: Problem, gravity: Vector, path: ModuleType = numpy_pa
     if start is None:
         return None
     pushes = np.zeros((0, 3)) if problem.contacts is None else problem.contacts.force
-    return see(problem, gravity, start.s, np.array(start.frames), start.grasp_forces, pushes, path)
+    mesh = from_nodes(start.s, problem.cable.length, problem.grasps.s)
+    return see(problem, gravity, mesh, path.directors(np.array(start.frames))[:, 2], start.grasp_forces, pushes)
 
 
 def see(
     problem: Problem,
     gravity: Vector,
-    s: np.ndarray,
-    frames: np.ndarray,
+    mesh: Mesh,
+    tangents: np.ndarray,
     grasp_forces: np.ndarray,
     contact_forces: np.ndarray,
-    path: ModuleType,
 ) -> Seen:
-    """A shape by its nodes s (n,) [m], its frames (n-1, 4) and the forces on grasps (g, 3) and contacts (m, 3) [N]."""
+    """A shape by its nodes, its tangents (n-1, 3) and the forces on grasps (g, 3) and contacts (m, 3) [N]."""
     cable, grasps = problem.cable, problem.grasps
-    mesh = from_nodes(s, cable.length, grasps.s)
-    tangents = np.ascontiguousarray(path.directors(frames)[:, 2])
     forces = mesh.shared(grasps.s, grasp_forces)
     if problem.contacts is not None and len(contact_forces):
         forces += mesh.shared(problem.contacts.s, contact_forces)
@@ -202,33 +194,27 @@ def see(
         forces += mesh.shared(np.array([mass.at for mass in cable.masses]), np.outer([mass.mass for mass in cable.masses], gravity))
     mass = mesh.lengths * mesh.along(cable, "mass_per_length")
     weight = mass[:, None] * np.asarray(gravity)
-    carried = -(np.cumsum(forces[:-1] + weight, axis=0) - 0.5 * weight)
+    carried = 0.5 * weight - (forces[:-1] + weight).cumsum(axis=0)
+    turned = tangents[1:] - tangents[:-1]
     return Seen(
         mesh,
         tangents,
         carried,
         math.hypot(*gravity) * mass,
-        _curvature(frames, mesh.lengths),
+        2.0 * np.sqrt(np.einsum("ij,ij->i", turned, turned)) / (mesh.lengths[:-1] + mesh.lengths[1:]),
         _spans(problem, mesh),
         _clamps(problem, mesh, carried, weight),
         bending_of(cable),
     )
 
 
-def _curvature(frames: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Turns (n-2, 3) [1/m] from frame to frame, for small ones: twice the vector of conj(q_i) q_i+1."""
-    first, second = frames[:-1], frames[1:]
-    turn = relative(first, second)
-    return np.asarray(4.0 / (lengths[:-1] + lengths[1:])[:, None] * turn[:, :3])
-
-
 def _spans(problem: Problem, mesh: Mesh) -> tuple[Span, ...]:
-    held, grasps, last = mesh.grasp_nodes.tolist(), problem.grasps, len(mesh.s) - 1
+    held, places, last = mesh.grasp_nodes.tolist(), problem.grasps.position.tolist(), len(mesh.s) - 1
     spans = []
     if held[0] > 0:
         spans.append(Span(0, held[0], float(mesh.s[held[0]]), float(mesh.s[held[0]]), is_tail=True))
     for k, (one, two) in enumerate(pairwise(held)):
-        chord = float(np.linalg.norm(grasps.position[k + 1] - grasps.position[k]))
+        chord = math.dist(places[k + 1], places[k])
         spans.append(Span(one, two, float(mesh.s[two] - mesh.s[one]), chord, is_tail=False))
     if held[-1] < last:
         length = float(mesh.s[-1] - mesh.s[held[-1]])

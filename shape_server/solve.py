@@ -13,7 +13,7 @@ from protocol.kinds import Model, Outcome
 from protocol.messages import Problem, Shape, ShapeRequest
 from protocol.scene import Vector
 
-from . import effects, ladder, numpy_path, pieces
+from . import effects, ladder, limp, numpy_path, pieces
 from .answer import no_shape
 from .clock import Clock
 from .descent import Progress
@@ -52,11 +52,12 @@ def solve(
     Returns:
         The shape; a hard problem gives one whose `outcome` is not converged, and whose `sentence` says why.
     """
+
+    def plainly(own: Problem, pull: Vector, wanted: float, within: float | None) -> Shape:
+        return solve(own, pull, tolerance=wanted, budget=within, extrapolate=extrapolate, margin=margin, path=path, progress=progress)
+
     if problem.effects is not None:
         from .choice import solve_chosen
-
-        def plainly(own: Problem, pull: Vector, wanted: float, within: float | None) -> Shape:
-            return solve(own, pull, tolerance=wanted, budget=within, extrapolate=extrapolate, margin=margin, path=path, progress=progress)
 
         return solve_chosen(problem, gravity, tolerance, budget, path, plainly)
     begun = time.perf_counter()
@@ -67,7 +68,11 @@ def solve(
     if sentence:
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
-        return ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path)
+        if not limp.is_wide(problem):
+            hung = ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path)
+            if hung.outcome in (Outcome.CONVERGED, Outcome.UNREACHABLE) or not limp.covers(problem):
+                return hung
+        return limp.softly(problem, gravity, tolerance, None if clock is None else clock.rest, plainly)
     if model is Model.TAUT:
         return ladder.taut_shape(problem, gravity, used, begun, path)
     if model is Model.GRADIENT:

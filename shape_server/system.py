@@ -20,6 +20,7 @@ from .numpy_path import directors
 from .rod import HELD, NO_RUB, TOUCH, Elastic, Held, Rod, Rub, State, from_columns
 from .strands import Strands
 
+SOFT = 0.2  # of a segment; with layers sqrt(EI / F) shorter than that the axis is as good as a polygon
 KICK_MOST = 0.05  # rad, how far to go off a saddle
 
 
@@ -76,6 +77,7 @@ def build(problem: Problem, gravity: Vector, used: tuple[str, ...], mesh: Mesh, 
     base = next(k for k, hold in enumerate(grasps.hold) if hold is not Hold.GUIDE)
     held, force, row_grasp, bond_contact = _held(problem, used, mesh, base)
     touch, push, fraction = _touch(problem, used, mesh, touching)
+    touch["is_straight"] = _are_straight(problem, matter, mesh, touch)
     rub, drag = _rub(problem, used, mesh, touch)
     touch, strands, push, fraction = _with_strands(problem, used, mesh, touch, push, fraction)
     shortest, kick = _spans(problem)
@@ -233,6 +235,18 @@ def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -
         rows: tuple[np.ndarray, np.ndarray, np.ndarray] = effects.load("contact").rows(problem.contacts, groups, mesh)
         return rows
     return np.zeros(0, dtype=TOUCH), np.zeros(0), np.zeros(0)
+
+
+def _are_straight(problem: Problem, matter: Matter, mesh: Mesh, touch: np.ndarray) -> np.ndarray:
+    """For which rows (m,) the cable is too soft to round its nodes, about bodies wider than its segments are long.
+
+    There the bulge of `contact_geometry` lets neighbouring segments rock to and fro at no cost, and no shape is stable.
+    """
+    start = problem.start
+    pull = max(matter.weight, 0.0 if start is None else float(np.linalg.norm(start.grasp_forces, axis=1).max(initial=0.0)))
+    length = mesh.lengths[touch["element"]]
+    is_soft = matter.elastic.law[touch["element"], :2].min(axis=1) < pull * (SOFT * length) ** 2
+    return np.asarray(is_soft & (touch["distance"] > length))
 
 
 def _rub(problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: np.ndarray) -> tuple[Rub, np.ndarray]:

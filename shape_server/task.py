@@ -95,9 +95,12 @@ class Solution:
 
     @property
     def lies(self) -> bool:
-        """Whether the cable lies on faces, at three places at least; on edges and vertices contacts slide without regard to nodes."""
-        pushing = self.found.state.push[: self.system.body_rows] > 0.0
-        return bool((self.system.rod.touch["feature"][: self.system.body_rows][pushing] == FACE).sum() >= 3)
+        """Whether the cable lies on faces, at three places at least; on edges and vertices contacts slide without regard to nodes.
+
+        A cable too soft to round its nodes lies on wide bodies just so.
+        """
+        rows = self.system.rod.touch[: self.system.body_rows][self.found.state.push[: self.system.body_rows] > 0.0]
+        return bool(((rows["feature"] == FACE) | (rows["is_straight"] == 1)).sum() >= 3)
 
     @property
     def is_kinked(self) -> bool:
@@ -110,23 +113,41 @@ class Solution:
 
         A clamp, a contact or a point load bends the cable over this length; a micro-structure length, if shorter, is a layer in the layer.
         """
-        rod, mesh, touch = self.system.rod, self.system.mesh, self.system.rod.touch
+        mesh, touch = self.system.mesh, self.system.rod.touch
         on = np.flatnonzero(self.found.state.push[: self.system.body_rows] > 0.0)
         touched = mesh.s[touch["element"][on]] + self.found.state.fraction[on] * mesh.lengths[touch["element"][on]]
         loaded, load = self._loaded
         own = self.reading.self_places[self.reading.self_push > 0.0].ravel()
         places = np.concatenate([self.stops, touched, own, loaded])
-        segment, _ = mesh.locate(places)
-        force = np.abs(self.reading.tension)
-        beside = np.maximum(np.maximum(force[segment], force[np.maximum(segment - 1, 0)]), 1e-300)
-        law = rod.elastic.law[:, :2].min(axis=1)
-        layers = np.sqrt(np.minimum(law[segment], law[np.maximum(segment - 1, 0)]) / beside)
-        if len(rod.elastic.smoothing):
-            layers = np.minimum(layers, micro_length(rod.elastic.law, rod.elastic.smoothing, rod.lengths))
+        layers, beside, _ = self._layers_at(places)
         turn = np.minimum(np.concatenate([np.full(len(places) - len(load), np.inf), load]) / beside, np.pi)
         matters = layers * turn > KINK * self.task.tolerance
         matters[: len(places) - len(load)] = True
         return places[matters], layers[matters]
+
+    @property
+    def hidden(self) -> float:
+        """Curvature [1/m] at loads whose layers the segments are too long to show: P / 2 sqrt(EI T), a pulled beam's under a force P.
+
+        Timoshenko 1955, "Strength of Materials", part II, ch. 2.
+        """
+        places, load = self._loaded
+        if not len(places) or not len(self.system.rod.elastic.law):
+            return 0.0
+        layers, beside, lengths = self._layers_at(places)
+        return float((np.where(lengths > layers, load, 0.0) / (2.0 * layers * beside)).max())
+
+    def _layers_at(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lengths of the layers [m] there would be at places (k,) [m], the forces carried there [N], and the segments' lengths [m]."""
+        rod, mesh = self.system.rod, self.system.mesh
+        segment, _ = mesh.locate(places)
+        force, before = np.abs(self.reading.tension), np.maximum(segment - 1, 0)
+        beside = np.maximum(np.maximum(force[segment], force[before]), 1e-300)
+        law = rod.elastic.law[:, :2].min(axis=1)
+        layers = np.sqrt(np.minimum(law[segment], law[before]) / beside)
+        if len(rod.elastic.smoothing):
+            layers = np.minimum(layers, micro_length(rod.elastic.law, rod.elastic.smoothing, rod.lengths))
+        return layers, beside, mesh.lengths[segment]
 
     @property
     def _loaded(self) -> tuple[np.ndarray, np.ndarray]:

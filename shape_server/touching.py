@@ -6,7 +6,7 @@ there is none before both tensions are the same, it is dropped, the hardest pull
 over (`draped`); it is taken up where the cable would pass through it, and let go where it would pull. Contacts about one point or edge
 are one contact, whose push the two rows beside the bend share along their own normals, as each piece of the cable is pushed where it
 is tangent to the feature. Where a sharp bend about something thick would be off by more than the tolerance the cable lies round it in an
-arc (`winding`); from a start shape that is refused, for in a run the contacts of arcs do not settle yet.
+arc (`winding`). From a start shape that is left to `limp`, for contacts of arcs do not settle from step to step.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ import numpy as np
 from protocol.kinds import FRICTION_CODES, Friction, Outcome
 from protocol.messages import Contacts, Problem
 
+from .clock import Clock
 from .draped import PASSED, Draped, drape, gap, in_order
 from .effects.contact import grouped
-from .hanging import SEGMENTS, Hanging, nothing, pieces_of, too_coarse
+from .hanging import SEGMENTS, Hanging, nothing, on_finer, pieces_of
 from .mesh import Mesh, even, from_nodes, stops, with_nodes_at
 from .rounding import Refusal
 from .slides import Hold, Slide, slides_of
@@ -43,9 +44,10 @@ class _Held:
     let_go: set[int] = field(default_factory=set)  # first rows of contacts that would have pulled
 
 
-def solve_touching(problem: Problem, load: np.ndarray, tolerance: float, path: ModuleType) -> Hanging:
+def solve_touching(problem: Problem, load: np.ndarray, tolerance: float, clock: Clock | None, path: ModuleType) -> Hanging:
     """The catenaries of a cable without bending that touches, or may touch.
 
+    What it touches is found on a mesh as fine as the tolerance asks; with a clock the shape is then given on the finest that fits.
     A place on a face without friction is answered as unsupported if the cable would pass through it.
     """
     contacts = problem.contacts
@@ -61,24 +63,41 @@ def solve_touching(problem: Problem, load: np.ndarray, tolerance: float, path: M
         (held.sliding if (contacts.force[slide.rows] != 0.0).any() else held.open).append(slide)
     faces = groups.chosen[groups.faces]
     for _ in range(CHANGES_MAX):
+        if clock is not None and clock.rest <= 0.0:
+            within = f"the budget of {1e3 * clock.budget:.3g} ms"
+            sentence = f"{within} does not reach for a first shape: its contacts would not have settled in time"
+            return nothing(problem, Outcome.NOT_CONVERGED, sentence)
         draped = _drape(problem, load, held)
         if isinstance(draped, Refusal) and draped.outcome is not Outcome.UNSUPPORTED:
             return nothing(problem, draped.outcome, draped.sentence)
         if not isinstance(draped, Refusal) and _let_go(problem, load, held, draped):
             continue
-        if isinstance(draped, Refusal) or _wound(draped) > tolerance:
-            if problem.start is not None:
-                return nothing(problem, Outcome.UNSUPPORTED, _sharp(draped))
-            from .winding import wind  # here: what bends sharply does without
-
-            bends = draped.bends if isinstance(draped, Draped) else None
-            stops = draped.stops if isinstance(draped, Draped) else in_order(_holds(problem, held.bonds), _sliding(problem, held))
-            hanging = wind(problem, load, tolerance, stops, bends, held.bonds, _meshes(problem), path)
-        else:
-            hanging = _shape(problem, load, tolerance, held, draped, path)
-        if hanging.outcome is not Outcome.CONVERGED or not _take_up(problem, held, hanging):
-            return _clear_of_faces(problem, hanging, faces)
+        hanging = _shape(problem, load, tolerance, None, held, draped, path)
+        if hanging.outcome is not Outcome.CONVERGED:
+            return hanging
+        if _take_up(problem, held, hanging):
+            continue
+        if clock is not None:
+            hanging = _shape(problem, load, tolerance, clock, held, draped, path)
+            if _take_up(problem, held, hanging):
+                continue
+        return _clear_of_faces(problem, hanging, faces)
     return nothing(problem, Outcome.NOT_CONVERGED, f"its contacts do not settle within {CHANGES_MAX} changes")
+
+
+def _shape(
+    problem: Problem, load: np.ndarray, tolerance: float, clock: Clock | None, held: _Held, draped: Draped | Refusal, path: ModuleType
+) -> Hanging:
+    """The shape on nodes: with a sharp bend at everything it slides over, or, where these would be too wrong, with arcs."""
+    if not isinstance(draped, Refusal) and draped.wound <= tolerance:
+        return _bent(problem, load, tolerance, clock, held, draped, path)
+    if problem.start is not None:
+        return nothing(problem, Outcome.UNSUPPORTED, "it lies round what it touches")
+    from .winding import wind  # here: what bends sharply does without
+
+    bends = draped.bends if isinstance(draped, Draped) else None
+    stops = draped.stops if isinstance(draped, Draped) else in_order(_holds(problem, held.bonds), _sliding(problem, held))
+    return wind(problem, load, tolerance, stops, bends, held.bonds, _meshes(problem), path, clock)
 
 
 def _drape(problem: Problem, load: np.ndarray, held: _Held) -> Draped | Refusal:
@@ -182,25 +201,27 @@ def _slid(problem: Problem, load: np.ndarray, held: _Held, row: int) -> bool:
     return True
 
 
-def _shape(problem: Problem, load: np.ndarray, tolerance: float, held: _Held, draped: Draped, path: ModuleType) -> Hanging:
-    """The shape on nodes, with one at every bend; forces and places by the rows of the request."""
+def _bent(
+    problem: Problem, load: np.ndarray, tolerance: float, clock: Clock | None, held: _Held, draped: Draped, path: ModuleType
+) -> Hanging:
+    """The shape on nodes, with one at every sharp bend; forces and places by the rows of the request."""
     contacts, grasps = problem.contacts, problem.grasps
     assert contacts is not None
     slides = [(index, stop) for index, stop in enumerate(draped.stops) if isinstance(stop, Slide)]
     s = np.concatenate([grasps.s, list(held.bonds.values()), [slide.s for _, slide in slides]])
     points = np.vstack([grasps.position, *(_bond_place(contacts, row) for row in held.bonds), *(slide.place for _, slide in slides)])
-    for mesh in _meshes(problem):
-        hanging = pieces_of(problem, load, with_nodes_at(mesh, s[len(grasps.s) :]), s, points, path)
-        if hanging.sag <= tolerance:
-            break
+
+    def made(mesh: Mesh) -> Hanging:
+        return pieces_of(problem, load, with_nodes_at(mesh, s[len(grasps.s) :]), s, points, path)
+
+    hanging = on_finer(made, _meshes(problem), tolerance, clock)
     forces, places = np.zeros((len(contacts.s), 3)), contacts.s.copy()
     forces[list(held.bonds)] = hanging.contact_forces[: len(held.bonds)]
     places[list(held.bonds)] = list(held.bonds.values())
     for index, slide in slides:
         places[slide.rows] = slide.s
         _share(slide, draped, index, contacts, forces)
-    sentence = "closed form" if hanging.sag <= tolerance else too_coarse(hanging.sag, tolerance)
-    return replace(hanging, contact_forces=forces, contact_s=places, sentence=sentence, sag=hanging.sag + _wound(draped))
+    return replace(hanging, contact_forces=forces, contact_s=places, sag=hanging.sag + draped.wound)
 
 
 def _share(slide: Slide, draped: Draped, stop: int, contacts: Contacts, forces: np.ndarray) -> None:
@@ -247,27 +268,6 @@ def _take_up(problem: Problem, held: _Held, hanging: Hanging) -> bool:
     held.open = [slide for slide in held.open if slide.rows is not worst.rows]
     held.sliding.append(replace(worst, s=where))
     return True
-
-
-def _sharp(draped: Draped | Refusal) -> str:
-    """Why a cable is not followed from a start shape round something thick."""
-    if isinstance(draped, Refusal):
-        return draped.sentence
-    return (
-        f"the cable winds around what it touches, which from a start shape a cable without bending does in a sharp bend, "
-        f"{_wound(draped):.2g} m off; give it 'bending' and 'twist', or a tolerance above that, or leave out the start"
-    )
-
-
-def _wound(draped: Draped) -> float:
-    """By how much longer a cable bends sharply about round bodies than it would lie round them [m]."""
-    wound = 0.0
-    for index, stop in enumerate(draped.stops[1:-1], start=1):
-        if isinstance(stop, Slide):
-            tension = 0.5 * (draped.pieces[index - 1].tension[-1] + draped.pieces[index].tension[0])
-            half = float(np.arcsin(min(0.5 * np.linalg.norm(draped.push(index)) / max(tension, 1e-300), 1.0)))
-            wound += stop.distance * 2.0 * (np.tan(min(half, 1.5)) - half)
-    return float(wound)
 
 
 def _clear_of_faces(problem: Problem, hanging: Hanging, faces: np.ndarray) -> Hanging:

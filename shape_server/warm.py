@@ -71,4 +71,6 @@ def _coarser(task: Task, fine: Solution) -> Solution | None:
     system = task.system(mesh)
     begin = transfer(task.path, system, fine.system, fine.found.state)
     near = settle_alone(task.path, system.rod, begin, NEAR, task.progress)
+    if not near.is_converged and system.rod.touch["is_straight"].any():  # so soft that a chain twice as coarse may be too far off
+        near = relax(task.path, system.rod, begin, task.progress)
     return Solution(task, system, near) if near.is_converged else None

@@ -12,7 +12,8 @@ from protocol.kinds import Outcome
 from protocol.messages import Contacts, Problem
 
 from .arcs import Arc, Laid
-from .hanging import Hanging, nothing, pieces_of, too_coarse
+from .clock import Clock
+from .hanging import CLOSED_FORM, Hanging, nothing, on_finer, pieces_of
 from .mesh import Mesh, with_nodes_at
 from .slides import Bend, Hold, Slide
 from .wrapped import wrap
@@ -29,8 +30,9 @@ def wind(
     bonds: dict[int, float],
     meshes: Sequence[Mesh],
     path: ModuleType,
+    clock: Clock | None = None,
 ) -> Hanging:
-    """The shape round what it touches, on the first mesh that is fine enough; or why there is none.
+    """The shape round what it touches, on the first mesh that is fine enough, or by a clock; or why there is none.
 
     Args:
         problem: Without stretch.
@@ -41,6 +43,7 @@ def wind(
         bonds: Arc lengths [m] by rows of the request.
         meshes: To try in turn, for nodes at given places.
         path: Kernels.
+        clock: Says how fine the mesh may be, in the place of the tolerance.
     """
     if problem.cable.stretch is not None:
         sentence = (
@@ -63,17 +66,18 @@ def wind(
     s = np.concatenate([grasps.s, list(bonds.values()), *(laid.s[[0, -1]] for laid in found.arcs)])
     places = [next(stop.place for stop in bonded if stop.s == at) for at in bonds.values()]
     points = np.vstack([grasps.position, *places, *(laid.nodes[[0, -1]] for laid in found.arcs)])
-    for mesh in meshes:
-        hanging = pieces_of(problem, load, with_nodes_at(mesh, s[len(grasps.s) :]), s, points, path, found.arcs)
-        if hanging.sag <= tolerance:
-            break
+
+    def made(mesh: Mesh) -> Hanging:
+        return pieces_of(problem, load, with_nodes_at(mesh, s[len(grasps.s) :]), s, points, path, found.arcs)
+
+    hanging = on_finer(made, meshes, tolerance, clock)
     forces = np.zeros((len(contacts.s), 3))
     forces[list(bonds)] = hanging.contact_forces[: len(bonds)]
     for arc, laid in zip(arcs, found.arcs, strict=True):
         _share(arc.slide.rows, contacts, laid, load, forces)
     at = contacts.s.copy()
     at[list(bonds)] = list(bonds.values())
-    sentence = "closed form and arcs" if hanging.sag <= tolerance else too_coarse(hanging.sag, tolerance)
+    sentence = "closed form and arcs" if hanging.sentence == CLOSED_FORM else hanging.sentence
     return replace(hanging, contact_forces=forces, contact_s=at, sentence=sentence)
 
 

@@ -60,8 +60,9 @@ def size(problem: Problem, gravity: Vector, seen: Seen) -> Size:
     for span, length, away in zip(seen.spans, MARGIN * used, MARGIN * aside, strict=True):
         own = slice(span.first, span.last)
         pull = np.maximum(seen.tension[own], 1e-300)
-        sharp = np.linalg.norm(np.diff(seen.tangents[own], axis=0), axis=1) / seen.mesh.lengths[own][1:]
+        turned = seen.tangents[own][1:] - seen.tangents[own][:-1]
+        sharp = np.sqrt(np.einsum("ij,ij->i", turned, turned)) / seen.mesh.lengths[own][1:]
         inside = float((most / pull[1:] * sharp).max(initial=0.0))
         moved = max(moved, away + MARGIN * inside + span.grown(float(length)) - float(length))
     moved = min(moved, cable.length)
-    return Size(moved, seen.moved(moved).force, sharpest + seen.bend_most)
+    return Size(moved, seen.moved(moved).force, MARGIN * (sharpest + seen.bend_most))

@@ -81,6 +81,7 @@ def rows(contacts: Contacts, groups: Grouped, mesh: Mesh) -> tuple[np.ndarray, n
             "direction": contacts.direction[index],
             "extent": groups.extent[of],
             "distance": contacts.distance[index],
+            "is_straight": np.zeros(len(index), dtype=np.int64),
         },
     )
     return touch, np.where(is_own, push[of], 0.0), np.where(is_own, fraction[of], np.where(segment < element[of], 1.0, 0.0))

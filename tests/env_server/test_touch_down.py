@@ -138,3 +138,25 @@ def test_a_closed_path_creates_no_energy() -> None:
     assert np.linalg.norm(last.nodes - first.nodes, axis=1).max() < 1e-6
     assert down + up > -1e-6 * abs(down)
     assert down == pytest.approx(energies[len(energies) // 2] - energies[0], rel=0.02)  # the trapezium rule in ten steps
+
+
+def test_without_bending_it_leaves_the_ground_as_the_catenary_at_every_step() -> None:
+    """The last place that is carried, the pull and the balance, by the closed form of a cable that lies on smooth ground."""
+    chain = replace(SCENE.cables[0], bending=None, twist=None)
+    _, wanted, _ = limp()
+    pulls = []
+    for _, step in steps(replace(SCENE, cables=(chain,), tolerance=1e-3)):
+        cable = step.cables[0]
+        assert cable.shape.outcome is Outcome.CONVERGED, cable.shape.sentence
+        assert cable.bodies.penetration < 1e-6
+        total = cable.boundary.pushes.force.sum(axis=0) + cable.shape.grasp_wrenches[:, :3].sum(axis=0)
+        assert np.abs(total - [0.0, 0.0, WEIGHT * LENGTH]).max() < 1e-9 * WEIGHT * LENGTH
+        place, pull = step.posture.positions[1], cable.shape.grasp_wrenches[1, :3]
+        # H, V and w: the free part is V / w long, and reaches H / w (sqrt(1 + (V / H)^2) - 1) up.
+        rise = (np.hypot(pull[0], pull[2]) - pull[0]) / WEIGHT
+        assert rise == pytest.approx(place[2] - 0.0045, abs=2e-3)
+        across = LENGTH - pull[2] / WEIGHT + pull[0] / WEIGHT * np.arcsinh(pull[2] / pull[0])
+        assert across == pytest.approx(place[0], abs=2e-3)
+        pulls.append(pull[0])
+    assert pulls[0] == pytest.approx(wanted, rel=1e-3)  # measured 3e-5
+    assert pulls[-1] < 0.4 * pulls[0]

@@ -212,9 +212,9 @@ def test_three_hundred_random_scenes_keep_the_tolerance_at_the_price_of_the_best
 
 @pytest.mark.slow
 def test_what_is_left_out_changes_forces_and_curvature_by_no_more_than_the_answer_says() -> None:
-    """120 random requests, of which 52 leave something out, against everything on."""
+    """240 random requests, of which 106 leave something out, against everything on; tension where it does not jump beside the middle."""
     kept = []
-    for seed in range(120):
+    for seed in range(240):
         drawn = draw_effects(seed)
         shape = solve(drawn.problem, drawn.gravity, tolerance=drawn.tolerance, path=KERNELS)
         if shape.outcome is not Outcome.CONVERGED or shape.error_tension is None or shape.error_curvature is None or not shape.left_out:
@@ -223,12 +223,14 @@ def test_what_is_left_out_changes_forces_and_curvature_by_no_more_than_the_answe
         if exact is None:
             continue
         middles, at = 0.5 * (shape.s[1:] + shape.s[:-1]), 0.5 * (exact.s[1:] + exact.s[:-1])
-        tension = np.abs(np.interp(middles, at, exact.tension) - shape.tension)[1:-1].max()
+        jumps = np.append(drawn.problem.grasps.s, [mass.at for mass in drawn.problem.cable.masses])
+        is_smooth = np.abs(middles[:, None] - jumps).min(axis=1) > 1.01 * np.diff(shape.s)
+        tension = np.abs(np.interp(middles, at, exact.tension) - shape.tension)[is_smooth].max()
         force = np.linalg.norm(shape.grasp_wrenches[:, :3] - exact.grasp_wrenches[:, :3], axis=1).max()
         curvature = np.abs(np.interp(shape.s, exact.s, exact.curvature) - shape.curvature).max()
         kept.append((force <= shape.error_tension, tension <= shape.error_tension, curvature <= shape.error_curvature))
     shares = np.mean(kept, axis=0)
-    assert len(kept) > 40
-    assert shares[0] >= 0.98  # measured 52 of 52
-    assert shares[1] >= 0.94  # measured 50 of 52
-    assert shares[2] >= 0.85  # measured 46 of 52; the others reach a least bend radius, or nearly, in the reference
+    assert len(kept) > 90
+    assert shares[0] >= 0.98  # measured 106 of 106
+    assert shares[1] >= 0.97  # measured 105 of 106
+    assert shares[2] >= 0.95  # measured 102 of 106

@@ -220,8 +220,18 @@ def test_what_is_not_built_for_friction_says_so() -> None:
         sensitivities(problem, GRAVITY, shape)
     with pytest.raises(CablecosimError, match="a Follower is not built for contacts with friction"):
         Follower(problem, GRAVITY)
-    without = Problem(cable=cable(bending=None), grasps=problem.grasps, contacts=problem.contacts)
-    assert solve(without, GRAVITY).outcome is Outcome.UNSUPPORTED
+
+
+def test_a_cable_without_bending_is_dragged_by_a_tension_that_grows_with_what_lies_behind() -> None:
+    """Mu w s, to within what one of the contacts bears."""
+    stiff = dragged(Friction.SIGNUM, LAWS[Friction.SIGNUM])
+    assert stiff.contacts is not None
+    shape = solve(Problem(cable=cable(bending=None), grasps=stiff.grasps, contacts=stiff.contacts), GRAVITY, path=compiled)
+    assert shape.outcome is Outcome.CONVERGED, shape.sentence
+    push = shape.contact_forces[:, 2]
+    assert -shape.contact_forces[:, 0] == pytest.approx(0.4 * push, rel=5e-3)
+    assert shape.grasp_wrenches[-1, 0] == pytest.approx(0.4 * push.sum(), rel=2e-3)  # measured 1.1e-3
+    assert not shape.grasp_wrenches[:, 3:].any()
 
 
 def test_the_rows_of_friction_change_with_turns_as_their_columns_say() -> None:

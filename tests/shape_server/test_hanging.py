@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rods import ALONG_X, GRAVITY, RADIUS, WEIGHTLESS, Row, cable, contacts, grasps, is_honest, span
@@ -36,6 +38,17 @@ def test_tails_hang_straight_down() -> None:
     np.testing.assert_allclose(shape.grasp_wrenches[0, :3], [0.0, 0.0, WEIGHT], atol=1e-12)
 
 
+@pytest.mark.parametrize("stretch", [None, 40.0])
+def test_tension_is_that_in_the_middle_of_every_segment_on_either_side_of_a_held_point(stretch: float | None) -> None:
+    """The force at s is that of the grasps before, less the weight so far, exactly."""
+    held = grasps((0.1, (0.0, 0.0, 0.0), ALONG_X), (0.5, (0.3, 0.1, 0.2), ALONG_X), (0.9, (0.5, 0.1, 0.1), ALONG_X))
+    shape = solve(Problem(cable=replace(SOFT, stretch=stretch), grasps=held), GRAVITY)
+    middle = 0.5 * (shape.s[1:] + shape.s[:-1])
+    given = (middle[:, None] > held.s) @ shape.grasp_wrenches[:, :3]
+    carried = -given + np.outer(middle, [0.0, 0.0, WEIGHT])
+    np.testing.assert_allclose(shape.tension, np.linalg.norm(carried, axis=1), atol=1e-11 * WEIGHT)
+
+
 def test_a_bond_that_would_pull_is_dropped() -> None:
     free = solve(Problem(cable=SOFT, grasps=span()), GRAVITY)
     low = float(free.nodes[:, 2].min())
@@ -56,7 +69,6 @@ def test_a_bond_out_of_reach_is_answered_with_both_places() -> None:
 @pytest.mark.parametrize(
     ("problem", "gravity", "word"),
     [
-        (Problem(cable=SOFT, grasps=span(), contacts=contacts(Row(s=0.5, point=(0.3, 0.0, -0.1)))), GRAVITY, "faces only with a bond"),
         (Problem(cable=SOFT, grasps=span()), WEIGHTLESS, "weight"),
         (Problem(cable=cable(bending=None, mass=0.0), grasps=span()), GRAVITY, "weight"),
     ],

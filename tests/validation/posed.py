@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -125,3 +126,19 @@ def touches(
         friction=np.full(count, FRICTION_CODES.index(friction), dtype=np.int64),
         force=np.zeros((count, 3)),
     )
+
+
+def around(nodes: np.ndarray, s: np.ndarray, axis: np.ndarray, before: Shape | None, distance: float, reach: float = 0.006) -> Contacts:
+    """A cylinder along y about `axis`, as an edge near every segment within reach; forces from the contacts of the last shape near by."""
+    middle, at = 0.5 * (nodes[1:] + nodes[:-1]) - axis, 0.5 * (s[1:] + s[:-1])
+    away = np.hypot(middle[:, 0], middle[:, 2])
+    near = np.flatnonzero(away < distance + reach)
+    near = near if len(near) else np.array([np.argmin(away)])
+    rows = [(float(at[k]), Feature.EDGE, tuple(axis), tuple(middle[k] / away[k]), (0.0, 1.0, 0.0)) for k in near]
+    contacts = touches(*rows, distance=distance)
+    if before is None:
+        return contacts
+    force = np.zeros((len(near), 3))
+    for place, push in zip(before.contact_s, before.contact_forces, strict=True):
+        force[np.argmin(np.abs(at[near] - place))] += push
+    return msgspec.structs.replace(contacts, force=force)

@@ -14,16 +14,14 @@ from __future__ import annotations
 
 from functools import cache
 
-import msgspec
 import numpy as np
-from posed import ask, cable, frame, grasps, start_from, touches
+from posed import around, ask, cable, frame, grasps, start_from
 
-from protocol.kinds import Feature, Hold, Outcome
-from protocol.messages import Contacts, Grasps, Shape, Start
+from protocol.kinds import Hold, Outcome
+from protocol.messages import Grasps, Shape, Start
 
 BENDING = 1e-3  # N m^2
 DISTANCE = 0.03  # m, radius of cylinder and cable together
-REACH = 0.006  # m
 SEGMENTS = 120
 LEVEL = frame((1.0, 0.0, 0.0))
 
@@ -37,22 +35,6 @@ def held(turn: float) -> Grasps:
 def centre(turn: float) -> np.ndarray:
     """Of the cylinder, on a path of its own there and back."""
     return np.array([0.36 + 0.02 * np.sin(turn) ** 2, 0.0, -0.1 + 0.05 * np.sin(0.5 * turn) ** 2])
-
-
-def around(nodes: np.ndarray, s: np.ndarray, axis: np.ndarray, before: Shape | None) -> Contacts:
-    """The axis of the cylinder as an edge, near every segment within reach; forces from the contacts of the last shape near by."""
-    middle, at = 0.5 * (nodes[1:] + nodes[:-1]) - axis, 0.5 * (s[1:] + s[:-1])
-    away = np.hypot(middle[:, 0], middle[:, 2])
-    near = np.flatnonzero(away < DISTANCE + REACH)
-    near = near if len(near) else np.array([np.argmin(away)])
-    rows = [(float(at[k]), Feature.EDGE, tuple(axis), tuple(middle[k] / away[k]), (0.0, 1.0, 0.0)) for k in near]
-    contacts = touches(*rows, distance=DISTANCE)
-    if before is None:
-        return contacts
-    force = np.zeros((len(near), 3))
-    for place, push in zip(before.contact_s, before.contact_forces, strict=True):
-        force[np.argmin(np.abs(at[near] - place))] += push
-    return msgspec.structs.replace(contacts, force=force)
 
 
 @cache
@@ -77,7 +59,7 @@ def step(before: Shape, turn: float, axis: np.ndarray) -> Shape:
     """Twice, so that contacts found in the new place count."""
     shape = before
     for _ in range(2):
-        contacts = around(shape.nodes, shape.s, axis, shape if len(shape.contact_s) else None)
+        contacts = around(shape.nodes, shape.s, axis, shape if len(shape.contact_s) else None, DISTANCE)
         shape = ask(cable(bending=BENDING), held(turn), contacts=contacts, start=start_from(shape))
         assert shape.outcome is Outcome.CONVERGED, shape.sentence
     return shape

@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from posed import ask, cable, frame, grasps, touches
+from posed import around, ask, cable, frame, grasps, start_from, touches
 from wound import Wound, hung_over
 
 from protocol.kinds import Feature, Hold, Outcome
@@ -98,3 +98,27 @@ def test_the_error_is_of_second_order_in_the_segments() -> None:
     sizes, errors = np.array(off).T
     order = np.log(errors[0] / errors[-1]) / np.log(sizes[-1] / sizes[0])
     assert 1.7 < order < 2.3
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+@pytest.mark.parametrize("distance", WIDE)
+def test_step_by_step_it_keeps_to_the_closed_form(distance: float, tolerance: float) -> None:
+    """Both grippers move; every shape is the start of the next, whose contacts are those that a search finds about it."""
+    shape, wanted = lying(distance, tolerance=tolerance), exact(distance)
+    (left, low), (right, high) = WIDE[distance]
+    for step in range(1, 6):
+        ends = (left, low + 0.001 * step), (right - 0.001 * step, high - 0.001 * step)
+        (x, z), (u, w) = ends
+        moved = grasps((0.0, (-x, 0.0, z), FRAME, Hold.HINGE), (1.0, (u, 0.0, w), FRAME, Hold.HINGE))
+        near = around(shape.nodes, shape.s, np.zeros(3), shape, distance)
+        shape = ask(cable(), moved, contacts=near, start=start_from(shape), tolerance=tolerance)
+        assert shape.outcome is Outcome.CONVERGED, shape.sentence
+        assert "as a rod of" in shape.sentence
+        wanted = hung_over(weight=1.0, length=1.0, distance=distance, ends=ends, near=wanted)
+        assert shape.error is not None
+        assert np.linalg.norm(shape.nodes - wanted.positions(shape.s), axis=1).max() < shape.error
+        assert shape.error < 6.0 * tolerance  # measured 5.1: what two meshes differ by jumps where a row is met
+        total = shape.grasp_wrenches[:, :3].sum(axis=0) + shape.contact_forces.sum(axis=0)
+        assert total == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+        assert shape.contact_forces.sum(axis=0)[[0, 2]] == pytest.approx(wanted.push, abs=15.0 * tolerance)  # N, measured 10
+        assert not shape.grasp_wrenches[:, 3:].any()

@@ -122,8 +122,12 @@ def bent_over(*, bending: float, weight: float, length: float, distance: float, 
     return Wound(distance, weight, free, (p[0], p[1]), p[2:6].reshape(2, 2), paths)
 
 
-def hung_over(*, weight: float, length: float, distance: float, ends: tuple[tuple[float, float], tuple[float, float]]) -> Wound:
-    """The cable without bending that hangs over the cylinder between two points: two catenaries, closed form but for four numbers.
+def hung_over(
+    *, weight: float, length: float, distance: float, ends: tuple[tuple[float, float], tuple[float, float]], near: Wound | None = None
+) -> Wound:
+    """The cable without bending that hangs over the cylinder between two points: two catenaries, closed form but for five numbers.
+
+    These are sought from those of a shape that is `near`.
 
     With H the horizontal force, n_z = -H tan a where it lifts off, a catenary is at s
 
@@ -143,6 +147,8 @@ def hung_over(*, weight: float, length: float, distance: float, ends: tuple[tupl
         return np.concatenate([after(free, *left) - ends[0], after(other, *right) - ends[1], [along[0] - along[1]]])
 
     begin = [0.8, 0.6, 0.8, 0.6, 0.5 * (length - 1.6 * distance)]
+    if near is not None:
+        begin = [near.angles[0], near.forces[0, 0], near.angles[1], near.forces[1, 0], near.free[0]]
     p, _, flag, message = fsolve(misses, begin, full_output=True, xtol=1e-13)
     assert flag == 1, message
     assert np.abs(misses(p)).max() < 1e-12

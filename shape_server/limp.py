@@ -1,0 +1,73 @@
+"""A cable without bending where no closed form covers what it touches: solved as a rod so soft that its bending hardly shows.
+
+Catenaries between sharp bends and arcs (`touching`) know nothing of faces, and nothing of contacts that come and go along a wide body
+from step to step. A rod does. Its stiffness
+
+    EI = F (`LAYER` tolerance)^2   [N m^2],
+
+with F the largest force at a grasp of the start shape, or the weight, gives it layers of a tenth of the tolerance, so that it bends at
+its nodes like a chain; rows about wide bodies are measured from straight segments then (`system`). Clamps are hinges to it. What that much
+bending moves (`effects.bending`) is added to the error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from protocol.kinds import Feature, Hold, Model, Outcome
+from protocol.messages import Problem, Shape
+from protocol.scene import Vector
+
+from .effects import bending
+from .seen import seen_in
+
+Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with all that is asked for; tolerance [m], budget [s] or none
+
+LAYER: Final = 0.1  # of the tolerance
+LEAST: Final = 1e-6  # of the length, no layer is shorter than that
+
+
+def covers(problem: Problem) -> bool:
+    """Whether a soft rod does where the catenary does not: something is touched, at no fixed inclination.
+
+    Without a start shape nothing but faces, for a rod may settle on another side of an edge or a point than the cable passes it on.
+    """
+    contacts = problem.contacts
+    if contacts is None or not problem.cable.mass_per_length > 0.0 or (contacts.inclination is not None and contacts.inclination.any()):
+        return False
+    return problem.start is not None or bool((contacts.feature == Feature.FACE).all())
+
+
+def is_wide(problem: Problem) -> bool:
+    """Whether something within reach is wider than the segments of the start shape, so that closed forms need not be tried."""
+    contacts, start = problem.contacts, problem.start
+    if contacts is None or start is None or not covers(problem):
+        return False
+    return bool((contacts.distance[contacts.feature != Feature.FACE] > np.diff(start.s).max()).any())
+
+
+def softly(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
+    """The shape of a cable without bending, found as that of a soft rod; `plainly` solves that within a budget [s], if there is one."""
+    cable, start = problem.cable, problem.start
+    pull = cable.mass_per_length * cable.length * float(np.linalg.norm(gravity))
+    if start is not None:
+        pull = max(pull, float(np.linalg.norm(start.grasp_forces, axis=1).max(initial=0.0)))
+    stiffness = pull * max(LAYER * tolerance, LEAST * cable.length) ** 2
+    hold = tuple(Hold.HINGE if hold is Hold.CLAMP else hold for hold in problem.grasps.hold)
+    grasps = problem.grasps.altered(hold=hold)
+    soft = problem.altered(cable=replace(cable, bending=stiffness, twist=stiffness), grasps=grasps, model=Model.ROD)
+    shape = plainly(soft, gravity, tolerance, budget)
+    if shape.outcome is not Outcome.CONVERGED:
+        return shape
+    moved = bending.size(soft, gravity, seen_in(soft, gravity, shape))
+    return msgspec.structs.replace(
+        shape,
+        effects=tuple(name for name in shape.effects if name not in ("bending", "twist")),
+        error=None if shape.error is None else shape.error + float(moved.length),
+        sentence=f"{shape.sentence}; as a rod of {stiffness:.2g} N m^2, which moves it by {moved.length:.2g} m at most",
+    )
