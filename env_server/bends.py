@@ -18,7 +18,9 @@ FOLLOWED: Final = 0.08  # of a segment beyond its node; the shape server follows
 SLANTING: Final = 0.02  # sine between a segment and an edge below which the shape server counts them as parallel
 
 
-def seen_from_segments(nodes: np.ndarray, node: np.ndarray, away: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def seen_from_segments(
+    nodes: np.ndarray, node: np.ndarray, away: np.ndarray, direction: np.ndarray, is_straight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """How much nearer than the node itself the shape server sees features (m,) [m], and how far beyond it in segments (m,).
 
     Args:
@@ -26,6 +28,7 @@ def seen_from_segments(nodes: np.ndarray, node: np.ndarray, away: np.ndarray, di
         node: (m,) int, that is nearest to each feature.
         away: (m, 3) [m] from the feature to the node.
         direction: (m, 3) unit along edges, zero for vertices.
+        is_straight: (m,) which are measured without a bulge (`shape_server.system`).
     """
     chords = np.diff(nodes, axis=0)
     lengths = np.linalg.norm(chords, axis=1)
@@ -43,7 +46,9 @@ def seen_from_segments(nodes: np.ndarray, node: np.ndarray, away: np.ndarray, di
         seen = np.linalg.norm(away + foot[:, None] * across, axis=1)
         size = lengths[segment]
         share = foot / size + (1 - after)
-        seen -= _bulge(share, size, _turns(tangents, segment, normal), _turns(tangents, segment + 1, normal))
+        seen -= np.where(is_straight, 0.0, 1.0) * _bulge(
+            share, size, _turns(tangents, segment, normal), _turns(tangents, segment + 1, normal)
+        )
         is_there &= square > SLANTING**2
         nearest = np.where(is_there, np.minimum(nearest, seen), nearest)
         past = np.maximum(-share, share - 1.0)

@@ -174,11 +174,12 @@ class Boundary:
         """
         place, spacing, out = at_place(candidates, s), float((s[1:] - s[:-1]).max()), np.zeros(len(candidates.gap), dtype=bool)
         near = np.where(candidates.gap < -self.radius, BEHIND * spacing, max(spacing, BENT * self.radius)) if self.is_limp else spacing
-        bends = [(bond.surface, bond.s, near + bond.drawn) for bond in self.bonds]
-        if self.is_limp:  # it bends as sharply where it slides
-            bends += [(surface, s, near) for surface, s in zip(self.pushes.surface.tolist(), self.pushes.s.tolist(), strict=True)]
-        for surface, s_bend, room in bends:
-            out |= (candidates.body == surface) & (candidates.feature != FACE) & (np.abs(place - s_bend) < room)
+        for bond in self.bonds:
+            out |= (candidates.body == bond.surface) & (np.abs(place - bond.s) < near + bond.drawn)
+        if self.is_limp:  # it bends as sharply where it slides, but over what is wider than its segments
+            for surface, s_bend in zip(self.pushes.surface.tolist(), self.pushes.s.tolist(), strict=True):
+                out |= (candidates.body == surface) & (np.abs(place - s_bend) < near) & (candidates.thickness <= spacing)
+        out &= candidates.feature != FACE
         return out
 
     def accepted(self, contacts: Contacts | None, shape: Shape, poses: np.ndarray, time: float) -> Boundary:

@@ -101,8 +101,7 @@ class Primitives:
         columns["extent"] = np.vstack([on_meshes.extent, self._extents(hits, own, poses)])
         columns["gap"] = np.concatenate([on_meshes.gap, hits["distance"] - self._radii[own] - radius])
         columns["thickness"] = np.concatenate([on_meshes.thickness, self._radii[own]])
-        if cable not in self._limp:
-            _see_bends(columns, len(on_meshes.body), nodes, radius)
+        _see_bends(columns, len(on_meshes.body), nodes, radius, is_limp=cable in self._limp)
         found = Candidates(**columns, clearance=np.minimum(on_meshes.clearance, near.min(axis=0)))
         for name in Candidates.__slots__:
             getattr(found, name).setflags(write=False)
@@ -142,16 +141,20 @@ def _give_room(near: np.ndarray, hits: np.ndarray, own: np.ndarray, gap: np.ndar
                 near[own[row], segment] = max(near[own[row], segment], ROOM_HELD + radius)
 
 
-def _see_bends(columns: dict[str, np.ndarray], first: int, nodes: np.ndarray, radius: float) -> None:
-    """Change rows at nodes, from `first` on, so that the shape server keeps the node where the search found it (bends.py)."""
+def _see_bends(columns: dict[str, np.ndarray], first: int, nodes: np.ndarray, radius: float, *, is_limp: bool) -> None:
+    """Change rows at nodes, from `first` on, so that the shape server keeps the node where the search found it (bends.py).
+
+    A cable without bending does not round its nodes about what is wider than its segments.
+    """
     at_node = (columns["fraction"] == 0.0) | (columns["fraction"] == 1.0)
     rows = np.flatnonzero(at_node & (columns["feature"] != FACE) & ~columns["is_crossing"])
     rows = rows[rows >= first]
     if not len(rows):
         return
     node = columns["segment"][rows] + columns["fraction"][rows].astype(np.int64)
-    nearer, beyond = bends.seen_from_segments(nodes, node, nodes[node] - columns["point"][rows], columns["direction"][rows])
     thickness = columns["thickness"][rows]
+    is_straight = is_limp & (thickness + radius > np.linalg.norm(np.diff(nodes, axis=0), axis=1).max())
+    nearer, beyond = bends.seen_from_segments(nodes, node, nodes[node] - columns["point"][rows], columns["direction"][rows], is_straight)
     is_small = np.abs(nearer) < SMALL * (thickness + radius)  # larger only at a kink, where the cable is no rod
     columns["thickness"][rows] -= np.where((beyond > 0.0) & is_small, nearer, 0.0)
     is_flat = (beyond > bends.FOLLOWED) & (thickness > radius)

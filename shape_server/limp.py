@@ -30,6 +30,7 @@ Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with 
 
 LAYER: Final = 0.1  # of the tolerance
 LEAST: Final = 1e-6  # of the length, no layer is shorter than that
+THIN: Final = "A cable without bending that lies on a face and over a thin edge at once is not built; give it 'bending' and 'twist'."
 
 
 def covers(problem: Problem) -> bool:
@@ -51,6 +52,14 @@ def is_wide(problem: Problem) -> bool:
     return bool((contacts.distance[contacts.feature != Feature.FACE] > np.diff(start.s).max()).any())
 
 
+def _has_thin(problem: Problem) -> bool:
+    """Whether an edge or a point within reach is thinner than the segments of the start shape."""
+    contacts, start = problem.contacts, problem.start
+    if contacts is None or start is None:
+        return False
+    return bool((contacts.distance[contacts.feature != Feature.FACE] < np.diff(start.s).max()).any())
+
+
 def softly(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
     """The shape of a cable without bending, found as that of a soft rod; `plainly` solves that within a budget [s], if there is one."""
     cable, start = problem.cable, problem.start
@@ -63,7 +72,7 @@ def softly(problem: Problem, gravity: Vector, tolerance: float, budget: float | 
     soft = problem.altered(cable=replace(cable, bending=stiffness, twist=stiffness), grasps=grasps, model=Model.ROD)
     shape = plainly(soft, gravity, tolerance, budget)
     if shape.outcome is not Outcome.CONVERGED:
-        return shape
+        return shape.altered(sentence=f"{shape.sentence} {THIN}") if _has_thin(problem) else shape
     moved = bending.size(soft, gravity, seen_in(soft, gravity, shape))
     return msgspec.structs.replace(
         shape,

@@ -104,6 +104,8 @@ def solve_symmetric(matrix: Array, right: Array) -> tuple[Array, int]:
     most = np.abs(matrix).max(axis=1)
     scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.maximum(1e-9 * most, 1e-30 * most.max() + 1e-300)))
     scaled = scale[:, None] * matrix * scale + FLOOR * np.eye(len(matrix))
+    if not np.isfinite(scaled).all():  # LAPACK would raise
+        return np.full_like(right, np.nan), 0
     positive = int((np.linalg.eigvalsh(scaled) > 0.0).sum())
     return scale[:, None] * np.linalg.solve(scaled, scale[:, None] * right), positive
 

@@ -70,7 +70,7 @@ def solve(
     if model is Model.CATENARY:
         if not limp.is_wide(problem):
             hung = ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path)
-            if hung.outcome in (Outcome.CONVERGED, Outcome.UNREACHABLE) or not limp.covers(problem):
+            if hung.outcome is Outcome.CONVERGED or not limp.covers(problem):
                 return hung
         return limp.softly(problem, gravity, tolerance, None if clock is None else clock.rest, plainly)
     if model is Model.TAUT:

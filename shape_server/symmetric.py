@@ -77,7 +77,7 @@ def _pivot(a, at):  # type: ignore[no-untyped-def]
         for j in range(at, i):
             if abs(a[i, j]) > beside:
                 p, q, beside = j, i, abs(a[i, j])
-    return one, p, q, diagonal < ALPHA * beside
+    return one, p, q, q > p and diagonal < ALPHA * beside  # no pair of what is not a number
 
 
 @njit(cache=True, error_model="numpy")

@@ -286,6 +286,17 @@ def test_a_dense_symmetric_system_is_solved_and_its_positive_eigenvalues_are_cou
 
 
 @PATHS
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+def test_a_dense_system_that_is_not_a_number_is_answered_with_none(path: ModuleType, count: int) -> None:
+    """In a pivot search that compares, all comparisons fail: a pair with a row past the last one ended the process."""
+    for share in (0, 1):
+        matrix = np.eye(count)
+        matrix[share * (count - 1) :, :] = np.nan
+        solution, _ = path.solve_symmetric(matrix, np.ones((count, 1)))
+        assert not np.isfinite(solution).all()
+
+
+@PATHS
 def test_frames_are_carried_over_to_another_mesh_with_fourth_order(path: ModuleType) -> None:
     """A curve with a bend that varies, in space; the frame between is off by the fourth power of the spacing."""
     errors = []
