@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Set
+from collections.abc import Callable, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
@@ -33,7 +33,6 @@ from protocol.scene import Vector
 
 from . import effects, hanging, ladder
 from .guess import guess
-from .limp import Plainly
 from .seen import Seen, Size, bending_of, seen_at_start, seen_in
 
 HANGING: Final = 0.5
@@ -43,6 +42,8 @@ NEGLIGIBLE: Final = 1e-5  # of the length: what is left out where a budget stand
 ROUNDS: Final = 4
 SAME_NODES: Final = frozenset(("stretch", "preform"))  # effects that need no other nodes where they are switched on
 SURELY: Final = 4.0  # layers, within which what bending moves stays in most shapes; what was found is looked at in any case
+
+Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with all that is asked for; tolerance [m], budget [s] or none
 
 
 @dataclass(frozen=True)

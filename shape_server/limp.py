@@ -12,9 +12,8 @@ bending moves (`effects.bending`) is added to the error.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
@@ -26,30 +25,12 @@ from protocol.scene import Vector
 from .effects import bending
 from .seen import seen_in
 
-Plainly = Callable[[Problem, Vector, float, float | None], Shape]  # solve with all that is asked for; tolerance [m], budget [s] or none
+if TYPE_CHECKING:
+    from .choice import Plainly
 
 LAYER: Final = 0.1  # of the tolerance
 LEAST: Final = 1e-6  # of the length, no layer is shorter than that
 THIN: Final = "A cable without bending that lies on a face and over a thin edge at once is not built; give it 'bending' and 'twist'."
-
-
-def covers(problem: Problem) -> bool:
-    """Whether a soft rod does where the catenary does not: something is touched, at no fixed inclination.
-
-    Without a start shape nothing but faces, for a rod may settle on another side of an edge or a point than the cable passes it on.
-    """
-    contacts = problem.contacts
-    if contacts is None or not problem.cable.mass_per_length > 0.0 or (contacts.inclination is not None and contacts.inclination.any()):
-        return False
-    return problem.start is not None or bool((contacts.feature == Feature.FACE).all())
-
-
-def is_wide(problem: Problem) -> bool:
-    """Whether something within reach is wider than the segments of the start shape, so that closed forms need not be tried."""
-    contacts, start = problem.contacts, problem.start
-    if contacts is None or start is None or not covers(problem):
-        return False
-    return bool((contacts.distance[contacts.feature != Feature.FACE] > np.diff(start.s).max()).any())
 
 
 def _has_thin(problem: Problem) -> bool:

@@ -5,21 +5,25 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from protocol.cable import reaches_any_distance
-from protocol.kinds import Model, Outcome
+from protocol.kinds import FRICTION_CODES, Feature, Friction, Model, Outcome
 from protocol.messages import Problem, Shape, ShapeRequest
 from protocol.scene import Vector
 
-from . import effects, ladder, limp, numpy_path, pieces
+from . import effects, ladder, numpy_path, pieces
 from .answer import no_shape
 from .clock import Clock
 from .descent import Progress
 from .refine import cold
 from .task import Task
 from .warm import warm
+
+if TYPE_CHECKING:
+    from .choice import Plainly
 
 
 def solve(
@@ -68,21 +72,17 @@ def solve(
     if sentence:
         return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, model.value, time.perf_counter() - begun)
     if model is Model.CATENARY:
-        if not limp.is_wide(problem):
-            hung = ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path)
-            if hung.outcome is Outcome.CONVERGED or not limp.covers(problem):
-                return hung
-        return limp.softly(problem, gravity, tolerance, None if clock is None else clock.rest, plainly)
+        hung = ladder.catenary_shape(problem, gravity, tolerance, used, begun, clock, path) if not _is_wide(problem) else None
+        if hung is not None and (hung.outcome is Outcome.CONVERGED or not _may_be_soft(problem)):
+            return hung
+        return _softly(problem, gravity, tolerance, None if clock is None else clock.rest, plainly)
     if model is Model.TAUT:
         return ladder.taut_shape(problem, gravity, used, begun, path)
     if model is Model.GRADIENT:
         return ladder.gradient_shape(problem, gravity, tolerance, used, begun, clock, path)
-    sentence = _not_a_rod(problem)
-    if sentence:
-        return no_shape(problem, used, Outcome.UNSUPPORTED, sentence, "rod", time.perf_counter() - begun)
-    sentence = _too_far(problem)
-    if sentence:
-        return no_shape(problem, used, Outcome.UNREACHABLE, sentence, "rod", time.perf_counter() - begun)
+    refusal = _refusal(problem)
+    if refusal is not None:
+        return no_shape(problem, used, *refusal, "rod", time.perf_counter() - begun)
     task = Task(problem, gravity, tolerance, budget, extrapolate, margin, used, path, clock or progress, begun)
     return _one_piece(task) if len(pieces.cuts(problem)) == 2 else _pieces(task, clock, progress)
 
@@ -117,6 +117,25 @@ def _pieces(task: Task, clock: Clock | None, progress: Progress) -> Shape:
     return pieces.join(task.problem, shapes)
 
 
+def _may_be_soft(problem: Problem) -> bool:
+    """Whether a soft rod does where the catenary does not: something is touched, without bonds.
+
+    Without a start shape nothing but faces, for a rod may settle on another side of an edge or a point than the cable passes it on.
+    """
+    contacts = problem.contacts
+    if contacts is None or not problem.cable.mass_per_length > 0.0 or (contacts.friction == FRICTION_CODES.index(Friction.BOND)).any():
+        return False
+    return problem.start is not None or bool((contacts.feature == Feature.FACE).all())
+
+
+def _is_wide(problem: Problem) -> bool:
+    """Whether something within reach is wider than the segments of the start shape, so that closed forms need not be tried."""
+    contacts, start = problem.contacts, problem.start
+    if contacts is None or start is None or not _may_be_soft(problem):
+        return False
+    return bool((contacts.distance[contacts.feature != Feature.FACE] > np.diff(start.s).max()).any())
+
+
 def _too_much_for(model: Model, problem: Problem) -> str:
     """Why a model other than the rod does not do; empty if it does."""
     if any(problem.turns) and model is not Model.ROD:
@@ -124,6 +143,21 @@ def _too_much_for(model: Model, problem: Problem) -> str:
     if problem.self_contacts is not None and model is not Model.ROD:
         return f"the model '{model.value}' does not meet itself; ask for the rod, with 'bending' and 'twist'"
     return ""
+
+
+def _softly(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
+    from .limp import softly  # here: what closed forms cover does without
+
+    return softly(problem, gravity, tolerance, budget, plainly)
+
+
+def _refusal(problem: Problem) -> tuple[Outcome, str] | None:
+    """Why there can be no rod; None if there may be one."""
+    sentence = _not_a_rod(problem)
+    if sentence:
+        return Outcome.UNSUPPORTED, sentence
+    sentence = _too_far(problem)
+    return (Outcome.UNREACHABLE, sentence) if sentence else None
 
 
 def _not_a_rod(problem: Problem) -> str:

@@ -48,5 +48,5 @@ def test_it_lies_round_it_ever_further_with_one_number_for_tension_less_weight_t
         if len(shape.s) > 50:
             assert np.ptp(kinetic) < 0.02 * shape.tension.max()  # measured 0.012: of the polygon's middles
         lying.append(float(np.ptp(pushes.s)) if len(pushes.s) else 0.0)
-    assert lying[0] < 0.1
+    assert lying[0] < 0.2
     assert lying[-1] > 2.0 * (RADIUS + HALF)

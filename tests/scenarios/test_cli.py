@@ -131,7 +131,7 @@ def test_shape_answers_a_posture_with_parts_on_the_cable_a_guide_and_a_load(tmp_
 
 def test_shape_answers_within_a_budget_in_place_of_the_tolerance(tmp_path: Path) -> None:
     (tmp_path / "wire.toml").write_text(POSTURE)
-    done = cablecosim("shape", "wire.toml", "--set", "budget=500 ms", "--set", "tolerance=1e-12", folder=tmp_path)
+    done = cablecosim("shape", "wire.toml", "--set", "budget=2 s", "--set", "tolerance=1e-12", folder=tmp_path)
 
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(done.stdout)["error"] > 1e-12

@@ -23,7 +23,7 @@ from protocol.kinds import Hold
 from protocol.messages import Problem, Shape
 
 from .collocation import Solved
-from .motions import LEVEL, SPAN, Motions, Rod, far_frame
+from .motions import LEVEL, Motions, Rod, far_frame
 from .timing import Follower, Row, children_time, distance
 
 RESTED: Final = 1e-6  # of the length, in one move
@@ -35,7 +35,7 @@ SAME: Final = 1e-9  # of the length, and of a quaternion
 def as_motions(problem: Problem, weight: float) -> Motions | None:
     """A problem as motions that never leave their start; None unless it is a rod that the peers are set up for.
 
-    That is one without stretch and straight when free, in clamps `SPAN` apart that stand as those of the moving rods.
+    That is one without stretch and straight when free, in clamps along a level chord that stand as those of the moving rods.
 
     Args:
         problem: Static.
@@ -46,7 +46,7 @@ def as_motions(problem: Problem, weight: float) -> Motions | None:
         return None
     if any(value is not None for value in (cable.stretch, cable.natural_curvature, cable.bending_2)):
         return None
-    if np.abs(held.position - [[0.0, 0.0, 0.0], [SPAN, 0.0, 0.0]]).max() > SAME * cable.length:
+    if np.abs(held.position[0]).max() > SAME * cable.length or np.abs(held.position[1, 1:]).max() > SAME * cable.length:
         return None
     rod = Rod(cable.bending, cable.twist, cable.length, weight)
     for is_planar, far in ((True, LEVEL), (False, far_frame(1.0))):

@@ -84,8 +84,9 @@ def spatial_motions(bending: float = 3e-3) -> Motions:
 
 def approach(motions: Motions, count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Poses of both clamps (2, 3) [m] and (2, 4) that lead a straight, level rod to where the motions start, without another turn."""
+    straight = np.array([motions.rod.length, 0.0, 0.0])
     for part in np.linspace(0.0, 1.0, count + 1):
-        position = np.array([np.zeros(3), (part * SPAN + (1 - part) * motions.rod.length, 0.0, 0.0)])
+        position = np.array([np.zeros(3), part * motions.position[0, 1] + (1 - part) * straight])
         far = far_frame(part) if motions.end_twist else LEVEL
         yield position, np.array([LEVEL.as_quat(), far.as_quat()])
 
