@@ -106,10 +106,13 @@ def _weak(system: System, found: Settled) -> np.ndarray:
     rod, state = system.rod, found.state
     force, distance = WEAK * rod.force_scale, WEAK * rod.length
     rows = np.where(state.push > 0.0, state.push < force, found.seen.gap < distance)
-    pulls = state.force[:, None] * rod.held.rows["axis"] * (rod.held.rows["bond"] >= 0)[:, None]
-    bonds = np.zeros((len(state.holds), 3))
-    np.add.at(bonds, rod.held.rows["bond"][rod.held.rows["bond"] >= 0], pulls[rod.held.rows["bond"] >= 0])
-    loose = state.holds & (np.einsum("bx,bx->b", bonds, rod.held.normal) < force)
+    own = rod.held.rows["bond"] >= 0
+    bond, axis = rod.held.rows["bond"][own], rod.held.rows["axis"][own]
+    bonds, stray = np.zeros((len(state.holds), 3)), np.zeros((len(state.holds), 3))
+    np.add.at(bonds, bond, state.force[own, None] * axis)
+    np.add.at(stray, bond, found.seen.miss[own, None] * axis)
+    push = np.einsum("bx,bx->b", bonds, rod.held.normal)
+    loose = np.where(state.holds, push < force, np.linalg.norm(stray, axis=1) < distance)  # or just dropped, and where it was
     return np.unique(np.concatenate([rod.touch["contact"][rows], system.bond_contact[loose]]))
 
 
