@@ -26,6 +26,7 @@ from typing import Any, Final
 import numpy as np
 
 from protocol import recording
+from protocol.kinds import Outcome
 from protocol.messages import Frame
 from protocol.scene import Scene
 
@@ -53,6 +54,7 @@ class Taken:
 
     frames: dict[float, Frame]
     seconds: float  # of CPU
+    ended: str = ""  # why it ended before its time
 
     @property
     def nodes(self) -> int:
@@ -78,7 +80,7 @@ class Taken:
     @property
     def contacts(self) -> str:
         """How far contacts and shapes disagree, in words."""
-        more = [max(frame.coupling) for frame in self.frames.values()]
+        more = [max(frame.coupling) for frame in self.frames.values() if frame.coupling]
         return (
             "How exact contacts are is no setting: they are looked at again until they agree with the shape. At the end of a step, one "
             f"more round would move {USUAL:.0%} of the postures by less than {1e6 * usual(more):.2g} um, and none by more than "
@@ -102,10 +104,13 @@ def study_scene(scene: Scene, name: str, show: Display, told: Told) -> dict[str,
     reference = _run(replace(plain, tolerance=scene.tolerance / FINER, time_step=scene.time_step / 2), name, show)
     begin = _run(replace(plain, moves=(replace(scene.moves[0], duration=scene.time_step),)), name, show)
     length = max(cable.length for cable in scene.cables)
-    rows, known, largest = [], dict[Scene, Taken](), list[str]()
+    rows, known, largest, lost = [], dict[Scene, Taken](), list[str](), list[str]()
     for group, setting, changed in _settings(plain):
         told(f"{name}: {group} {setting}")
         taken = known[changed] if changed in known else known.setdefault(changed, _run(changed, name, show))
+        if taken.ended:
+            lost.append(f"{group} {setting}: left out, for that run ends before its time: {taken.ended}")
+            continue
         away = apart(taken.frames, reference.frames)
         largest.append(f"{1e3 * max(away):.2g} mm ({setting})")
         estimate = None if taken.estimate is None else taken.estimate / length
@@ -126,6 +131,7 @@ def study_scene(scene: Scene, name: str, show: Display, told: Told) -> dict[str,
         known[plain].contacts,
         f"The reference is our own run with a tolerance of {1e3 * scene.tolerance / FINER:g} mm and steps of {scene.time_step / 2:g} s: "
         "converged, not independent. Estimates are of each step alone, without what the steps before have done to it.",
+        *lost,
     )
     return {"name": name, "title": scene.title, "measured": "a whole run, all three programs", "rows": rows, "remarks": list(remarks)}
 
@@ -169,4 +175,5 @@ def _run(scene: Scene, name: str, show: Display) -> Taken:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         frames = recording.read(ended.folder / recording.FILE_NAME).frames
         kept = {round(frame.time, 9): frame for frame in frames if not frame.relaxation}
-    return Taken(kept, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        why = next((shape.sentence for frame in frames for shape in frame.shapes if shape.outcome is not Outcome.CONVERGED), "")
+    return Taken(kept, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, why)

@@ -14,7 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "viz_client"))
 from synthetic import frame
 
 import scenarios
-from scenarios.scene_study import EFFECT, _settings, apart, usual
+from scenarios import scene_study
+from scenarios.scene_study import EFFECT, TIME_STEP, Taken, _settings, apart, usual
 
 
 def test_runs_are_compared_where_both_have_a_time_and_at_equal_arc_lengths() -> None:
@@ -40,3 +41,19 @@ def test_an_effect_is_left_out_where_a_cable_has_the_number_that_asks_for_it() -
     settings = {setting: changed for group, setting, changed in _settings(scene) if group == EFFECT}
     assert list(settings) == ["without stretch"]
     assert settings["without stretch"].cables[0].stretch is None
+
+
+def test_a_run_that_ends_before_its_time_is_left_out_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scenarios.load("harness_assembly")
+    frames = {0.1 * number: msgspec.structs.replace(frame(number), coupling=(0.0,) * len(frame(number).shapes)) for number in range(3)}
+
+    def run(asked: object, _name: str, _show: object) -> Taken:
+        is_long = getattr(asked, "time_step", 0.0) > 3.0 * scene.time_step
+        return Taken(frames, 1.0, "the cable is too short" if is_long else "")
+
+    monkeypatch.setattr(scene_study, "_run", run)
+    found = scene_study.study_scene(scene, "harness", None, lambda _: None)  # type: ignore[arg-type]
+    left_out = [remark for remark in found["remarks"] if "too short" in remark]
+    assert len(left_out) == 1
+    assert left_out[0].startswith(f"{TIME_STEP} {4 * scene.time_step:g} s: left out")
+    assert len(found["rows"]) == len(list(_settings(scene))) - 1

@@ -202,12 +202,13 @@ def test_what_is_off_adds_no_unknowns_no_band_and_no_bytes() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_three_hundred_random_scenes_keep_the_tolerance_at_the_price_of_the_best_choice() -> None:
     """Of answers with a shape and a reference; a rod whose own estimate fails with everything on as well counts too."""
     known = [one for one in compare(range(300)) if not one.sentence]
     assert len(known) > 280
-    assert np.mean([one.is_within for one in known]) >= 0.99  # measured 1.0 of 288
-    assert np.median([one.price for one in known]) <= 1.45  # measured 1.33 and 1.34 with other work on the machine; aimed at: 1.3
+    assert np.mean([one.is_within for one in known]) >= 0.99  # measured 1.0 of 289
+    assert np.median([one.price for one in known]) <= 1.3  # measured 1.25 with other work on the machine
 
 
 @pytest.mark.slow
