@@ -101,11 +101,11 @@ class Keeper:
         """
         mended = set()
         for name, kept in self._kept.items():
-            was_ended = kept.child.code in FROM_OUTSIDE or (kept.child.code == 0 and name in SERVES)
-            if was_ended and not self._is_over:
+            code = kept.child.code  # asked once: it may end at any time
+            if (code in FROM_OUTSIDE or (code == 0 and name in SERVES)) and not self._is_over:
                 self._start_again(name, kept.child.obituary().partition(";")[0])
                 mended.add(name)
-            else:
+            elif code is not None:
                 kept.child.check()
         return mended
 

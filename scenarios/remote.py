@@ -111,6 +111,8 @@ class Remote:
     def _look(self) -> bool:
         """Look after the programs; whether the environment is another one now."""
         is_another = NAME in self._keeper.mend()
+        if not is_another and self._keeper.child(NAME).code is not None:
+            is_another = NAME in self._keeper.mend()  # it may have ended since it was looked at
         if is_another:
             self._turn_to_next()
         elif self._keeper.child(NAME).code is not None:

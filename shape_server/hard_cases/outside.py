@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from protocol.hard_case import Case, Check, Unsound
-from protocol.kinds import Feature, Hold, Model
+from protocol.kinds import Hold, Model
 from protocol.messages import PointLoads, Problem
 from protocol.scene import LumpedMass, Section
 
@@ -44,20 +44,6 @@ UNSUPPORTED: Final = {
     "catenary with a turn of twist": msgspec.structs.replace(SOFT, turns=(1,), model=Model.CATENARY),
     "catenary with sections": Problem(
         cable=replace(cable(bending=None), sections=(Section(start=0.2, end=0.5, mass_per_length=1.0),)), grasps=span(0.9)
-    ),
-    "stretching catenary round a drum": Problem(
-        cable=replace(cable(bending=None), stretch=1e6),
-        grasps=span(0.5),
-        contacts=contacts(
-            Row(
-                s=0.5,
-                point=(0.25, 0.0, 0.1),
-                feature=Feature.EDGE,
-                direction=(0.0, 1.0, 0.0),
-                distance=0.1,
-                force=(0.0, 0.0, 1.0),
-            )
-        ),
     ),
 }
 
