@@ -1,4 +1,4 @@
-"""Cables without bending that meet what is wider than their segments: drums, balls, capsules, floors, blocks, smooth and rough.
+"""Cables without bending that meet what is wider than their segments: drums, capsules, floors, blocks, smooth and rough.
 
 A chain of 0.8 m hangs between two grippers. What comes from below must lift it, and never pass it; on what is smooth, tension less weight
 times height is one number all along the chain, whatever it lies on (Appell 1919, vol. 1, ch. 7), to within what a polygon rounds off.
@@ -18,6 +18,7 @@ from protocol.messages import Shape
 from protocol.scene import Body, Cable, Scene, Target
 
 from ..asking import Asker
+from ..polyline import points_at
 from .laying import gripper, move, plane, rough, scene
 from .playing import Played, playing
 from .shells import box
@@ -102,9 +103,12 @@ def _rubs(radius: float, mu: float, asker: Asker) -> Iterable[Check]:
     )
     with playing(_hanging((_drum("cylinder", radius, **rough(Friction.SIGNUM, mu)),), *legs), asker) as played:
         for shape in played.on():
-            if len(shape.contact_forces):
-                ahead = np.linalg.norm(shape.contact_forces, axis=1).max()
-                yield Check("largest force of a contact", float(ahead), CHAIN.mass_per_length * 9.81 * 8.0, "N")
+            away = points_at(shape, shape.contact_s) - played.now.posture.surfaces[0, :3]
+            away[:, 1] = 0.0
+            away /= np.linalg.norm(away, axis=1)[:, None]
+            push = np.einsum("ij,ij->i", shape.contact_forces, away)
+            drag = np.linalg.norm(shape.contact_forces - push[:, None] * away, axis=1)
+            yield Check("friction beyond its limit", float((drag - mu * push).max(initial=0.0)), 1e-3 * CHAIN.mass_per_length * 9.81, "N")
         yield from played.checks(snaps=1)
 
 
