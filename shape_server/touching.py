@@ -28,6 +28,10 @@ from .mesh import Mesh, even, from_nodes, stops, with_nodes_at
 from .rounding import Refusal
 from .slides import Hold, Slide, slides_of
 
+WOUND: Final = (
+    "the cable winds around what it touches, which from a start shape and beside a bond a cable without bending does not do; "
+    "give it 'bending' and 'twist', or leave out the start"
+)
 CHANGES_MAX: Final = 60  # of what holds the cable
 SLIDE_LEAST: Final = 1e-7  # of the length, by which a bond that pulls slides at first; then twice as far
 SLIDE_HALVINGS: Final = 30  # of the last of these steps
@@ -92,7 +96,8 @@ def _shape(
     if not isinstance(draped, Refusal) and draped.wound <= tolerance:
         return _bent(problem, load, tolerance, clock, held, draped, path)
     if problem.start is not None:
-        return nothing(problem, Outcome.UNSUPPORTED, "it lies round what it touches")
+        sentence = draped.sentence if isinstance(draped, Refusal) else WOUND
+        return nothing(problem, Outcome.UNSUPPORTED, sentence)
     from .winding import wind  # here: what bends sharply does without
 
     bends = draped.bends if isinstance(draped, Draped) else None
