@@ -29,8 +29,9 @@ ROUNDING: Final = 1e-12  # m, what rounding may do to a coordinate; overlap of n
 
 
 def kernel(function: Function) -> Function:
-    """Compile on first use; division by zero gives infinity, as in numpy."""
-    compiled: Any = njit(cache=True, error_model="numpy")(function)
+    """Compile on first use, without an entry point for C; division by zero gives infinity, as in numpy."""
+    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    compiled: Any = njit(**options)(function)
     return cast(Function, compiled)
 
 
@@ -215,6 +216,26 @@ def enters_cone(start: Triple, end: Triple, slack: float, planes: np.ndarray, fi
 def length(a: Triple) -> float:
     """Length |a|."""
     return float(dot(a, a) ** 0.5)
+
+
+@kernel
+def total(rows: np.ndarray) -> float:
+    """Sum of all numbers of an array with two dimensions."""
+    found = 0.0
+    for index in range(rows.shape[0]):
+        for column in range(rows.shape[1]):
+            found += rows[index, column]
+    return found
+
+
+@kernel
+def shortest(poses: np.ndarray) -> float:
+    """Length of the shortest quaternion of poses (b, 7); infinite without one."""
+    found = np.inf
+    for index in range(len(poses)):
+        x, y, z, w = poses[index, 3], poses[index, 4], poses[index, 5], poses[index, 6]
+        found = min(found, (x * x + y * y + z * z + w * w) ** 0.5)
+    return found
 
 
 @kernel

@@ -29,8 +29,8 @@ from .distances import (
     turned_back,
 )
 from .pairs import PAIR, measure, report, sorted_along, triple
-from .skin import ALL, EDGE_BITS, FACE_BIT, ROOM, VERTEX_BITS, Lists, Tree, gather_listed, renew
-from .surface import Features, height, hides
+from .skin import ALL, FACE_BIT, FIRST_EDGE, FIRST_VERTEX, ROOM, Lists, Tree, gather_listed, holds, renew
+from .surface import Features, edge_end, height, hides, is_beside, plane_normal
 from .tree import gather
 
 BLOCK: Final = 8  # segments that share a bounding sphere
@@ -49,6 +49,16 @@ class Piece(NamedTuple):
     body: int
     limit: float  # m, distance below which a pair is reported
     owns_end: bool  # no later segment takes care of its last node
+
+
+class Rim(NamedTuple):
+    """An edge of a surface in the frame of its body."""
+
+    low: Triple
+    high: Triple
+    name: int
+    first: int  # row in the planes of edges
+    last: int  # after its last row
 
 
 @kernel
@@ -98,13 +108,19 @@ def _search_body(
     stack, near, masks = np.empty(64, np.int64), np.empty(triangles[1], np.int64), np.empty(ROOM, np.int32)
     tree = Tree(boxes, depth, triangles, near, masks, stack)
     raw, count = np.empty(len(hits), PAIR), 0
+    # Arrays by themselves: a call that is given all of them takes longer than what it does.
+    planes, keeps_lists, known_boxes, known_limits, counts = features.planes, len(known.counts) > 0, known.boxes, known.limits, known.counts
     for segment in range(len(in_reach)):
         if not in_reach[segment]:
             continue
         start, end, begin = row(local, segment), row(local, segment + 1), count
         owns_end = segment + 1 == len(in_reach) or not in_reach[segment + 1]
-        is_listed = renew(known, features, tree, body, segment, start, end, limit)
-        if is_listed:
+        if keeps_lists and not holds(known_boxes, known_limits, body, segment, start, end, limit):
+            renew(known, features, tree, body, segment, start, end, limit)
+        listed = counts[body, segment] if keeps_lists else -1
+        if listed == 0:
+            continue
+        if listed > 0:
             near_count = gather_listed(known, tree, body, segment, start, end, limit)
         else:
             near_count = gather(boxes, depth, start, end, limit, triangles, near, stack)
@@ -113,27 +129,14 @@ def _search_body(
         count = _search_near(
             features,
             near[:near_count],
-            masks[: near_count if is_listed else 0],
+            masks[: near_count if listed > 0 else 0],
             Piece(start, end, segment, body, limit, owns_end),
             raw,
             count,
         )
         if count > len(raw):
             return found + 2 * count
-        shortest = limit
-        for hit in range(begin, count):
-            shortest = min(shortest, raw[hit].distance)
-        kept = begin
-        for hit in range(begin, count):
-            point, distance = triple(raw[hit].point), raw[hit].distance
-            if distance > shortest + CORE:
-                eye = ahead(point, triple(raw[hit].normal), distance)
-                near_count = gather(boxes, depth, eye, point, 0.0, triangles, near, stack)
-                if hides(features.planes, near[:near_count], eye, point):
-                    continue
-            raw[kept] = raw[hit]
-            kept += 1
-        count = kept
+        count = _in_sight(planes, tree, limit, raw, begin, count)
     if found + count > len(hits):
         return found + 2 * count
     if count > 0:
@@ -143,28 +146,52 @@ def _search_body(
 
 
 @kernel
+def _in_sight(planes: np.ndarray, tree: Tree, limit: float, hits: np.ndarray, begin: int, count: int) -> int:
+    """Of the pairs of a segment, from `begin` on, keep the nearest and those whose line of sight nothing cuts."""
+    shortest, kept = limit, begin
+    for hit in range(begin, count):
+        shortest = min(shortest, hits[hit].distance)
+    for hit in range(begin, count):
+        point, distance = triple(hits[hit].point), hits[hit].distance
+        if distance > shortest + CORE:
+            eye = ahead(point, triple(hits[hit].normal), distance)
+            near_count = gather(tree.boxes, tree.depth, eye, point, 0.0, tree.triangles, tree.near, tree.stack)
+            if hides(planes, tree.near[:near_count], eye, point):
+                continue
+        hits[kept] = hits[hit]
+        kept += 1
+    return kept
+
+
+@kernel
 def _search_near(features: Features, near: np.ndarray, masks: np.ndarray, piece: Piece, hits: np.ndarray, count: int) -> int:
     """Pairs of one segment with the features that the triangles `near` look after, those of the masks if there are any."""
     # Calls in this loop cost more than arithmetic: what most triangles fail is tested here.
     planes, own_edges, own_vertices, edge_planes = features.planes, features.own_edges, features.own_vertices, features.edge_planes
     edge_first, vertices, (start, end, limit) = features.edge_first, features.vertices, (piece.start, piece.end, piece.limit)
+    edge_ends, first_edge = features.edge_ends, features.first_edge[piece.body]
     vertex_first, vertex_along, slack = features.vertex_first, features.vertex_along, 1e-9 * limit + ROUNDING
     for place, triangle in enumerate(near):
         mask = masks[place] if len(masks) > 0 else ALL
-        high_start, high_end = height(planes, triangle, 0, start), height(planes, triangle, 0, end)
-        if min(high_start, high_end) >= limit or max(high_start, high_end) <= -limit:
-            continue
-        starts = (height(planes, triangle, 1, start), height(planes, triangle, 2, start), height(planes, triangle, 3, start))
-        ends = (height(planes, triangle, 1, end), height(planes, triangle, 2, end), height(planes, triangle, 3, end))
-        if max(starts[0], ends[0]) <= -limit or max(starts[1], ends[1]) <= -limit or max(starts[2], ends[2]) <= -limit:
-            continue
-        if mask & FACE_BIT and (min(starts) >= -ROUNDING or min(ends) >= -ROUNDING or high_start * high_end <= 0.0):
-            count = _search_face(features, triangle, (high_start, high_end), starts, ends, piece, hits, count)
+        if mask & FACE_BIT:
+            highs = (height(planes, triangle, 0, start), height(planes, triangle, 0, end))
+            if min(highs) >= limit or max(highs) <= -limit:
+                continue
+            starts = (height(planes, triangle, 1, start), height(planes, triangle, 2, start), height(planes, triangle, 3, start))
+            ends = (height(planes, triangle, 1, end), height(planes, triangle, 2, end), height(planes, triangle, 3, end))
+            if max(starts[0], ends[0]) <= -limit or max(starts[1], ends[1]) <= -limit or max(starts[2], ends[2]) <= -limit:
+                continue
+            if min(starts) >= -ROUNDING or min(ends) >= -ROUNDING or highs[0] * highs[1] <= 0.0:
+                count = _search_face(features, triangle, highs, starts, ends, piece, hits, count)
         for side in range(3):
-            edge, vertex = own_edges[triangle, side], own_vertices[triangle, side]
-            if edge >= 0 and mask & EDGE_BITS[side] and enters_cone(start, end, slack, edge_planes, edge_first[edge], edge_first[edge + 1]):
-                count = _search_edge(features, edge, triangle, piece, hits, count)
-            if vertex >= 0 and mask & VERTEX_BITS[side]:
+            edge = own_edges[triangle, side] if mask & FIRST_EDGE << side else -1
+            vertex = own_vertices[triangle, side] if mask & FIRST_VERTEX << side else -1
+            if edge >= 0 and is_beside(edge_ends, edge, start, end):
+                first, last = edge_first[edge], edge_first[edge + 1]
+                if enters_cone(start, end, slack, edge_planes, first, last):
+                    rim = Rim(edge_end(edge_ends, edge, 0), edge_end(edge_ends, edge, 1), edge - first_edge, first, last)
+                    count = _search_edge(rim, edge_planes, _upward(planes, triangle, piece), piece, hits, count)
+            if vertex >= 0:
                 point = row(vertices, vertex)
                 fraction = point_segment(point, start, end)
                 away = minus(ahead(start, minus(end, start), fraction), point)
@@ -181,7 +208,7 @@ def _search_face(
 ) -> int:
     """Nodes over a triangle and crossings of it, from the heights of both nodes over its plane and inside its sides."""
     start, end, (high_start, high_end), name = piece.start, piece.end, highs, features.triangle_ids[triangle]
-    normal, upward = triple(features.planes[triangle, 0]), _upward(features.planes, triangle, piece)
+    normal, upward = plane_normal(features.planes, triangle), _upward(features.planes, triangle, piece)
     if min(starts) >= -ROUNDING:
         count = _record(hits, count, piece, 0.0, FACE, name, ahead(start, normal, -high_start), upward, NO_DIRECTION)
     if min(ends) >= -ROUNDING and piece.owns_end:
@@ -199,13 +226,12 @@ def _upward(planes: np.ndarray, triangle: int, piece: Piece) -> Triple:
     """Normal of a triangle, to the side of the segment's first node, or of its second if the first is in the plane."""
     high = height(planes, triangle, 0, piece.start)
     high = high if abs(high) > CORE else height(planes, triangle, 0, piece.end)
-    return ahead(NO_DIRECTION, triple(planes[triangle, 0]), 1.0 if high >= 0.0 else -1.0)
+    return ahead(NO_DIRECTION, plane_normal(planes, triangle), 1.0 if high >= 0.0 else -1.0)
 
 
 @kernel
-def _search_edge(features: Features, edge: int, triangle: int, piece: Piece, hits: np.ndarray, count: int) -> int:
-    start, end, low, high = piece.start, piece.end, row(features.edge_ends[edge], 0), row(features.edge_ends[edge], 1)
-    first, last, edge_id = features.edge_first[edge], features.edge_first[edge + 1], edge - features.first_edge[piece.body]
+def _search_edge(rim: Rim, edge_planes: np.ndarray, upward: Triple, piece: Piece, hits: np.ndarray, count: int) -> int:
+    start, end, low, high = piece.start, piece.end, rim.low, rim.high
     along, edge_along = minus(end, start), minus(high, low)
     sine, square = cross(along, edge_along), dot(edge_along, edge_along)
     is_parallel = dot(sine, sine) <= PARALLEL * dot(along, along) * square
@@ -217,9 +243,9 @@ def _search_edge(features: Features, edge: int, triangle: int, piece: Piece, hit
         part = dot(minus(place, low), edge_along) / square
         point = ahead(low, edge_along, part)
         away = minus(place, point)
-        if 0.0 < part < 1.0 and is_in_cone(away, length(away), features.edge_planes, first, last):
-            direction, upward = ahead(NO_DIRECTION, edge_along, 1.0 / square**0.5), _upward(features.planes, triangle, piece)
-            count = _record(hits, count, piece, fraction, EDGE, edge_id, point, upward, direction)
+        if 0.0 < part < 1.0 and is_in_cone(away, length(away), edge_planes, rim.first, rim.last):
+            direction = ahead(NO_DIRECTION, edge_along, 1.0 / square**0.5)
+            count = _record(hits, count, piece, fraction, EDGE, rim.name, point, upward, direction)
     return count
 
 

@@ -69,6 +69,34 @@ def report(raw: np.ndarray, order: np.ndarray, radius: float, hits: np.ndarray, 
 
 
 @kernel
+def columns(hits: np.ndarray, own: int, radius: float) -> tuple[np.ndarray, ...]:
+    """The fields of `touch.Candidates` from segment to normal and so on, each an array; pairs from `own` on are beyond an edge."""
+    count = len(hits)
+    segment, body, feature, feature_id = (
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+    )
+    fraction, gap, point, normal, direction = (
+        np.empty(count),
+        np.empty(count),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+    )
+    is_crossing, is_beyond = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    for hit in range(count):
+        segment[hit], body[hit], feature[hit] = hits[hit].segment, hits[hit].body, hits[hit].feature
+        feature_id[hit], fraction[hit], gap[hit] = hits[hit].feature_id, hits[hit].fraction, hits[hit].distance - radius
+        for axis in range(3):
+            point[hit, axis], normal[hit, axis] = hits[hit].point[axis], hits[hit].normal[axis]
+            direction[hit, axis] = hits[hit].direction[axis]
+        is_crossing[hit], is_beyond[hit] = hits[hit].is_crossing != 0, hit >= own
+    return segment, fraction, body, feature, feature_id, point, normal, direction, gap, is_crossing, is_beyond
+
+
+@kernel
 def _is_double(raw: np.ndarray, hit: int, hits: np.ndarray, other: int, place: int, radius: float) -> bool:
     """Do two pairs at one node, or close together inside a segment, say the same?"""
     if place % 2 == 1:

@@ -34,7 +34,7 @@ SKIN: Final = 1e-3  # m
 FURTHER: Final = 1e-3  # m, by which lists are made for more than the limit, which changes from step to step
 ROOM: Final = 128  # triangles in a list
 SLACK: Final = 1e-8  # m, by which a test must fail to rule out anything; rounding, and the tolerances of the search, are far below
-FACE_BIT, EDGE_BITS, VERTEX_BITS = 1, (2, 4, 8), (16, 32, 64)  # features of a triangle, by side and by corner
+FACE_BIT, FIRST_EDGE, FIRST_VERTEX = 1, 2, 16  # features of a triangle; twice as much for the next side or corner
 ALL: Final = 127
 
 
@@ -74,24 +74,28 @@ def no_lists() -> Lists:
 
 
 @kernel
-def renew(known: Lists, features: Features, tree: Tree, body: int, segment: int, start: Triple, end: Triple, limit: float) -> bool:
-    """Make the list of a segment anew if it does not hold any more; return whether there is one."""
-    if len(known.counts) == 0:
-        return False
+def holds(boxes: np.ndarray, limits: np.ndarray, body: int, segment: int, start: Triple, end: Triple, limit: float) -> bool:
+    """Does the list of a segment, with its box and limit in `Lists`, hold for the segment from start to end?"""
     # No view of an array where a number does: views count references with atomic instructions.
-    boxes, holds = known.boxes, limit <= known.limits[body, segment]
+    if limit > limits[body, segment]:
+        return False
     for axis in range(3):
-        holds &= boxes[body, segment, axis] <= min(start[axis], end[axis])
-        holds &= max(start[axis], end[axis]) <= boxes[body, segment, axis + 3]
-    if not holds:
-        for axis in range(3):
-            boxes[body, segment, axis] = min(start[axis], end[axis]) - SKIN
-            boxes[body, segment, axis + 3] = max(start[axis], end[axis]) + SKIN
-        known.limits[body, segment] = limit + FURTHER
-        # Around the segment by skin and limit: all leaves that a walk from inside the box can find.
-        found = gather(tree.boxes, tree.depth, start, end, limit + FURTHER + SKIN + SLACK, tree.triangles, tree.near, tree.stack)
-        known.counts[body, segment] = _list(known, features, tree, body, segment, found)
-    return bool(known.counts[body, segment] >= 0)
+        if boxes[body, segment, axis] > min(start[axis], end[axis]) or max(start[axis], end[axis]) > boxes[body, segment, axis + 3]:
+            return False
+    return True
+
+
+@kernel
+def renew(known: Lists, features: Features, tree: Tree, body: int, segment: int, start: Triple, end: Triple, limit: float) -> None:
+    """Make the list of a segment anew."""
+    boxes = known.boxes
+    for axis in range(3):
+        boxes[body, segment, axis] = min(start[axis], end[axis]) - SKIN
+        boxes[body, segment, axis + 3] = max(start[axis], end[axis]) + SKIN
+    known.limits[body, segment] = limit + FURTHER
+    # Around the segment by skin and limit: all leaves that a walk from inside the box can find.
+    found = gather(tree.boxes, tree.depth, start, end, limit + FURTHER + SKIN + SLACK, tree.triangles, tree.near, tree.stack)
+    known.counts[body, segment] = _list(known, features, tree, body, segment, found)
 
 
 @kernel
@@ -114,9 +118,9 @@ def _list(known: Lists, features: Features, tree: Tree, body: int, segment: int,
         for side in range(3):
             edge, vertex = features.own_edges[triangle, side], features.own_vertices[triangle, side]
             if edge >= 0 and _may_touch_edge(features, edge, box, middle, half, limit):
-                mask |= EDGE_BITS[side]
+                mask |= FIRST_EDGE << side
             if vertex >= 0 and _may_touch_vertex(features, vertex, box, middle, half, limit):
-                mask |= VERTEX_BITS[side]
+                mask |= FIRST_VERTEX << side
         if mask == 0:
             continue
         if count == ROOM:

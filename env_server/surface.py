@@ -116,6 +116,28 @@ def height(planes: np.ndarray, triangle: int, side: int, point: Triple) -> float
 
 
 @kernel
+def plane_normal(planes: np.ndarray, triangle: int) -> Triple:
+    """Unit normal of a triangle."""
+    return (planes[triangle, 0, 0], planes[triangle, 0, 1], planes[triangle, 0, 2])
+
+
+@kernel
+def edge_end(ends: np.ndarray, edge: int, end: int) -> Triple:
+    """First or second end [m] of an edge."""
+    return (ends[edge, end, 0], ends[edge, end, 1], ends[edge, end, 2])
+
+
+@kernel
+def is_beside(ends: np.ndarray, edge: int, start: Triple, end: Triple) -> bool:
+    """Is a point of the segment between the two planes that are square to an edge at its ends?"""
+    low, high = edge_end(ends, edge, 0), edge_end(ends, edge, 1)
+    along = minus(high, low)
+    if max(dot(minus(start, low), along), dot(minus(end, low), along)) <= 0.0:
+        return False
+    return min(dot(minus(start, high), along), dot(minus(end, high), along)) < 0.0
+
+
+@kernel
 def hides(planes: np.ndarray, near: np.ndarray, eye: Triple, point: Triple) -> bool:
     """Does one of the triangles `near` cut the line of sight from `eye` to a point on one of them?"""
     point = ahead(point, minus(eye, point), SKIN)

@@ -32,8 +32,9 @@ from protocol.errors import SceneError
 
 from . import edges
 from .beyond import add_edges_beyond, extents
+from .distances import shortest, total
 from .hits import FACE, find_hits
-from .pairs import PAIR
+from .pairs import PAIR, columns
 from .skin import Lists, lists, no_lists
 from .surface import Surface, join
 
@@ -162,10 +163,10 @@ class Touch:
         if excluded is not None and excluded.shape != (len(nodes) - 1, self.body_count):
             raise SceneError(f"excluded: shape {excluded.shape} must be ({len(nodes) - 1}, {self.body_count})", key="excluded")
         # A sum is finite only where all its terms are.
-        if not math.isfinite(nodes.sum() + poses.sum() + radius + reach):
+        if not math.isfinite(total(nodes) + total(poses) + radius + reach):
             raise SceneError("nodes, poses, radius and reach: must be finite", key="nodes")
         # A zero quaternion would put the body nowhere, and its contacts would vanish without a word.
-        if not (np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]) > 0.5).all():
+        if not shortest(poses) > 0.7:
             raise SceneError("poses: every quaternion must have length 1", key="poses")
 
 
@@ -228,15 +229,22 @@ def keep_normals(hits: np.ndarray, previous: Candidates) -> None:
 
 
 def _candidates(hits: np.ndarray, own: int, clearance: np.ndarray, radius: float, extent: np.ndarray) -> Candidates:
-    columns = {name: hits[name].copy() for name in ("segment", "fraction", "body", "feature", "feature_id", "point", "normal", "direction")}
+    segment, fraction, body, feature, feature_id, point, normal, direction, gap, is_crossing, is_beyond = columns(hits, own, radius)
     found = Candidates(
-        **columns,
-        is_beyond=np.arange(len(hits)) >= own,
-        extent=extent,
-        gap=hits["distance"] - radius,
-        thickness=np.zeros(len(hits)),
-        is_crossing=hits["is_crossing"] != 0,
-        clearance=clearance,
+        segment,
+        fraction,
+        body,
+        feature,
+        feature_id,
+        point,
+        normal,
+        direction,
+        extent,
+        gap,
+        is_crossing,
+        np.zeros(len(hits)),
+        is_beyond,
+        clearance,
     )
     for name in Candidates.__slots__:
         getattr(found, name).setflags(write=False)

@@ -12,10 +12,11 @@ Linear in the force (Hooke), the area of the section unchanged. Derived here, ch
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 
-@njit(cache=True)
+@kernel
 def pulled_lengths(lengths, give, axes, carried):  # type: ignore[no-untyped-def]
     """Lengths (n-1,) [m] under the forces carried; `give` (n-1,) [m/N] is h / EA."""
     out = np.empty(len(lengths))
@@ -25,7 +26,7 @@ def pulled_lengths(lengths, give, axes, carried):  # type: ignore[no-untyped-def
     return out
 
 
-@njit(cache=True)
+@kernel
 def add_give(give, axes, carried, diagonal, base, element, fraction, vector, is_turn, matrix, compliance):  # type: ignore[no-untyped-def]
     """Add the terms of the Hessian to `diagonal`, of the columns to `matrix` (n-1, 3, c), of the rows to `compliance`."""
     count, many = len(give), len(element)

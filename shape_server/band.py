@@ -7,14 +7,14 @@ the matrix has negative eigenvalues. A row reaches eight columns to its right.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .elimination import factor_and_solve
+from .jitted import kernel
 
 WIDTH = 9  # of the band, with the diagonal
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def eliminate(diagonal, upper, beyond, right):  # type: ignore[no-untyped-def]
     """Solve for all right-hand sides (n-1, 3, m), which become the solutions; block-tridiagonal where `beyond` (n-1, 3, 3) is empty.
 
@@ -46,7 +46,7 @@ def eliminate(diagonal, upper, beyond, right):  # type: ignore[no-untyped-def]
     return negative
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _band(diagonal, upper, beyond):  # type: ignore[no-untyped-def]
     """The upper half of the matrix, (3 (n-1), WIDTH): entry d of row i is that of column i + d."""
     count = len(diagonal)

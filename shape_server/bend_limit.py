@@ -8,12 +8,12 @@ own, and for the change of |kappa| itself K k / |kappa| more. Derived here, chec
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .jitted import kernel
 from .vertices import CLAMP, INNER, relative, strain_scale, vertex
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def limit_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-def]
     """Energy of all nodes beyond the limit [J]; `elastic` is an `Elastic`."""
     total, rho, count = 0.0, np.empty(4), len(lengths)
@@ -28,7 +28,7 @@ def limit_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # type
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_limit(frames, lengths, elastic, clamp_of_node, clamp_frames, gradient, diagonal, upper):  # type: ignore[no-untyped-def]
     """Add the nodes beyond the limit to gradient, diagonal and upper blocks as `vertices.assemble` gives them."""
     rho, ga, gb, none = np.empty(4), np.empty(3), np.empty(3), np.zeros(3)
@@ -64,7 +64,7 @@ def add_limit(frames, lengths, elastic, clamp_of_node, clamp_frames, gradient, d
                         upper[j - 1, r, c] += hab[r, c] + more * first[r] * second[c]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def secant(before, after, cell, kind, limit, rho):  # type: ignore[no-untyped-def]
     """Moment over curvature that the limit adds at a node [N m^2]; zero within it. Leaves the relative rotation in `rho`."""
     relative(before, after, rho)
@@ -72,7 +72,7 @@ def secant(before, after, cell, kind, limit, rho):  # type: ignore[no-untyped-de
     return limit[1] * (1.0 - limit[0] / curvature) if curvature > limit[0] else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def place(frames, lengths, clamp_of_node, clamp_frames, j, side):  # type: ignore[no-untyped-def]
     """Frames before and after the node at one end of segment j, length and kind of its cell."""
     clamp = clamp_of_node[j + side]
@@ -83,7 +83,7 @@ def place(frames, lengths, clamp_of_node, clamp_frames, j, side):  # type: ignor
     return frames[j], clamp_frames[clamp], 0.5 * lengths[j], CLAMP
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _has_place(clamp_of_node, j, side):  # type: ignore[no-untyped-def]
     """Whether a node belongs to segment j here: a clamp to both of its segments, a node between two to the second alone."""
     return clamp_of_node[j + side] >= 0 or (side == 0 and j > 0)

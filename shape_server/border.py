@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .inclined import inclined_rows
+from .jitted import kernel
 from .rod import Rub, is_active
 from .strand_rows import Spread, no_spread, strand_rows
 
@@ -31,7 +31,7 @@ class Border(NamedTuple):
     inclined: Spread  # rows of inclination, whose `vector` is zero
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     """All rows at a state.
 
@@ -85,7 +85,7 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     return Border(element, fraction, vector, is_turn, compliance, residual, held, contacts, rubs, saddles, spread, inclined)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def is_far(state, view, near):  # type: ignore[no-untyped-def]
     """Which contacts (m,) are open by more than `near` [m]."""
     far = np.zeros(len(state.push), dtype=np.bool_)
@@ -94,7 +94,7 @@ def is_far(state, view, near):  # type: ignore[no-untyped-def]
     return far
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _rubbing(rod, state, contacts):  # type: ignore[no-untyped-def]
     """Which contacts with friction have one of these rows (m,), or a force along the surface."""
     is_on = np.zeros(len(state.ease), dtype=np.bool_)
@@ -106,7 +106,7 @@ def _rubbing(rod, state, contacts):  # type: ignore[no-untyped-def]
     return np.flatnonzero(is_on)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def laws_among(rod, contacts, rubs):  # type: ignore[no-untyped-def]
     """Which of some contacts that rub each of some rows belongs to (m,), -1 for none, and the laws of those (f,)."""
     place = np.full(len(rod.rub.rows), -1)
@@ -118,7 +118,7 @@ def laws_among(rod, contacts, rubs):  # type: ignore[no-untyped-def]
     return rub_of, Rub(rod.rub.rows[rubs], rod.rub.tables, rod.rub.time_step)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add_rubs(rod, state, view, rubs, hard, at, element, fraction, vector, compliance, residual):  # type: ignore[no-untyped-def]
     """Two rows along the surface for every contact that rubs; exact ones with `hard` [m/N], others with their own ease."""
     own = rod.rub.rows
@@ -130,7 +130,7 @@ def _add_rubs(rod, state, view, rubs, hard, at, element, fraction, vector, compl
             at += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bent(rod, state, view):  # type: ignore[no-untyped-def]
     """Contacts whose feature is curved and pushes, the rows they need, and the negative directions those bring."""
     chosen, rows, saddles = np.empty(len(state.push), dtype=np.int64), 0, 0
@@ -145,7 +145,7 @@ def _bent(rod, state, view):  # type: ignore[no-untyped-def]
     return chosen[:count], rows, saddles
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, compliance):  # type: ignore[no-untyped-def]
     """Rows that carry the curvature of an edge or a vertex, see `contact_geometry`; returns the next free row.
 

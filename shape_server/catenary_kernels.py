@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 TAUT = 1e-12  # as in catenary.py
 FOLDED = 1e-12
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hanging_nodes(start, end, length, load, s):  # type: ignore[no-untyped-def]
     """Nodes and tension of a rigid cable that hangs between two points.
 
@@ -59,7 +60,7 @@ def hanging_nodes(start, end, length, load, s):  # type: ignore[no-untyped-def]
     return nodes, tension
 
 
-@njit(cache=True)
+@kernel
 def _asinh(x):  # type: ignore[no-untyped-def]
     """asinh, half as long as that of the C library where no digits can be lost."""
     size = abs(x)
@@ -68,7 +69,7 @@ def _asinh(x):  # type: ignore[no-untyped-def]
     return math.copysign(math.log(size + math.sqrt(size * size + 1.0)), x)
 
 
-@njit(cache=True)
+@kernel
 def _end_forces(span, rise, chord, length, weight):  # type: ignore[no-untyped-def]
     """Horizontal force, and vertical force at the first end [N]."""
     if span < FOLDED * length:
@@ -80,7 +81,7 @@ def _end_forces(span, rise, chord, length, weight):  # type: ignore[no-untyped-d
     return horizontal, horizontal * math.sinh(math.asinh(rise / root) - u)
 
 
-@njit(cache=True)
+@kernel
 def parameter(excess):  # type: ignore[no-untyped-def]
     """Positive x with sinh(x) / x = 1 + excess."""
     x = math.sqrt(6.0 * excess) if excess < 3.0 else math.log(2.0 * (1.0 + excess) * math.log(2.0 * (1.0 + excess)))
@@ -94,7 +95,7 @@ def parameter(excess):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True)
+@kernel
 def sinh_over(u):  # type: ignore[no-untyped-def]
     """The pair sinh(u)/u - 1 and u coth(u) - 1, without cancellation."""
     if u > 1.0:

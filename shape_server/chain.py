@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def directors(frames):  # type: ignore[no-untyped-def]
     """Directors of every segment: (n-1, 3, 3), rows d1, d2, d3."""
     count = frames.shape[0]
@@ -19,7 +20,7 @@ def directors(frames):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def positions(tangents, lengths, base, origin):  # type: ignore[no-untyped-def]
     """Nodes (n, 3) from the tangents (n-1, 3), with node `base` at `origin`."""
     count = lengths.shape[0]
@@ -34,7 +35,7 @@ def positions(tangents, lengths, base, origin):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def carried_forces(forces, base):  # type: ignore[no-untyped-def]
     """Force that each segment hands towards the base: (n-1, 3) from the node forces (n, 3)."""
     count = forces.shape[0] - 1
@@ -51,7 +52,7 @@ def carried_forces(forces, base):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def retract(frames, turn):  # type: ignore[no-untyped-def]
     """Frames turned by the rotation vectors `turn` (n-1, 3) in their own axes, with unit length."""
     out = np.empty_like(frames)
@@ -70,7 +71,7 @@ def retract(frames, turn):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def interpolate_frames(there, frames, here):  # type: ignore[no-untyped-def]
     """Frames (m, 4) at the arc lengths `here` (m,) from the frames (n, 4) at `there` (n,): cubic through the four nearest.
 
@@ -79,7 +80,7 @@ def interpolate_frames(there, frames, here):  # type: ignore[no-untyped-def]
     return blend_frames(frames, *cubic_weights(there, here))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cubic_weights(there, here):  # type: ignore[no-untyped-def]
     """For every place `here` (m,): the first (m,) of the four nearest places `there` (n,), and the weights of these four (m, 4).
 
@@ -101,7 +102,7 @@ def cubic_weights(there, here):  # type: ignore[no-untyped-def]
     return nearest, weights
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def blend_frames(frames, nearest, weights):  # type: ignore[no-untyped-def]
     """Unit quaternions (m, 4) from the frames (n, 4), of which each is blended from some in line, whichever sign these have."""
     many, width = weights.shape
@@ -128,7 +129,7 @@ def blend_frames(frames, nearest, weights):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def combined_nodes(coarse, fine):  # type: ignore[no-untyped-def]
     """Nodes (n, 3) [m] of fourth order from those of two meshes, (n, 3) and (2n-1, 3), and their largest distance [m]; see `richardson`."""
     out, apart = np.empty_like(coarse), 0.0

@@ -8,44 +8,43 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from .jitted import inlined, kernel
 from .vertices import LEAST
 
 F8, F9, F10, F11, F12, F13, F14, F15 = (math.factorial(k) for k in range(8, 16))
 
 
-@njit(cache=True)
+@kernel
 def larger(a, b):  # type: ignore[no-untyped-def]
     """The larger number."""
     return a if a > b else b
 
 
-@njit(cache=True)
+@kernel
 def dot(a, b):  # type: ignore[no-untyped-def]
     """Product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@kernel
 def weighted(a, x, b, y, c, z):  # type: ignore[no-untyped-def]
     """Sum a x + b y + c z of three vectors."""
     return a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2]
 
 
-@njit(cache=True)
+@kernel
 def form(k, a, b):  # type: ignore[no-untyped-def]
     """Product a . K b with K = diag(k)."""
     return k[0] * a[0] * b[0] + k[1] * a[1] * b[1] + k[2] * a[2] * b[2]
 
 
-@njit(cache=True)
+@kernel
 def mixed(form, half, vi, vj, ai, bj, ci, cj, p):  # type: ignore[no-untyped-def]
     """Entry of the block of a vertex between its two frames, see `vertices`."""
     return -form - half * (vi * bj - ai * vj) - (p - ci * vj - vi * cj)
 
 
-@njit(cache=True)
+@kernel
 def solved(inverse, inverse_2, r, g0, g1, g2, y):  # type: ignore[no-untyped-def]
     """Symmetric inverse, by its two halves, times r, less the rows g times y."""
     first = inverse[0] * r[0] + inverse[1] * r[1] + inverse[2] * r[2] - dot(g0, y)
@@ -53,7 +52,7 @@ def solved(inverse, inverse_2, r, g0, g1, g2, y):  # type: ignore[no-untyped-def
     return first, second, inverse[2] * r[0] + inverse_2[1] * r[1] + inverse_2[2] * r[2] - dot(g2, y)
 
 
-@njit(cache=True)
+@kernel
 def product(a, b):  # type: ignore[no-untyped-def]
     """Of two quaternions."""
     return (
@@ -64,13 +63,13 @@ def product(a, b):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True)
+@kernel
 def conjugate(a):  # type: ignore[no-untyped-def]
     """Of a quaternion."""
     return -a[0], -a[1], -a[2], a[3]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def vertex_terms(q_before, q_after, cell, law, bent, kind):  # type: ignore[no-untyped-def]
     """Gradient and Hessian of the vertex between two frames, see `vertices`.
 
@@ -117,7 +116,7 @@ def vertex_terms(q_before, q_after, cell, law, bent, kind):  # type: ignore[no-u
     return (a, b), before, after, (couple_x, couple_y, couple_z)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def own_block(stiff, sides, half, v, slope, spread):  # type: ignore[no-untyped-def]
     """Symmetric block (xx, xy, xz), (yy, yz, zz) of a vertex about one of its frames."""
     x, y, z = sides
@@ -134,7 +133,7 @@ def own_block(stiff, sides, half, v, slope, spread):  # type: ignore[no-untyped-
     return first, second
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def eliminated(frame, h, pull, before, own):  # type: ignore[no-untyped-def]
     """A segment, less what the segment before it leaves there.
 
@@ -185,7 +184,7 @@ def eliminated(frame, h, pull, before, own):  # type: ignore[no-untyped-def]
     return ((i0, i1, i2), (i3, i4, i5)), carry, right, column, (h * d3[0], h * d3[1], h * d3[2]), negative
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def substituted(inverse, carry, right, column, after):  # type: ignore[no-untyped-def]
     """Solutions (4, 3) of a segment from those of the next.
 
@@ -204,7 +203,7 @@ def substituted(inverse, carry, right, column, after):  # type: ignore[no-untype
     return (x0, x1, x2, x3), first, second, third
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def closed(first, second, third, miss):  # type: ignore[no-untyped-def]
     """Change (3) [N] of the force of the last clamp, and how many eigenvalues of the Schur complement are positive."""
     a, b, d = first
@@ -218,7 +217,7 @@ def closed(first, second, third, miss):  # type: ignore[no-untyped-def]
     return change, positive
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def turn_of(solutions, change):  # type: ignore[no-untyped-def]
     """Rotation vector (3) [rad] of a segment in this step."""
     x0, x1, x2, x3 = solutions
@@ -226,7 +225,7 @@ def turn_of(solutions, change):  # type: ignore[no-untyped-def]
     return t[0] - x3[0], t[1] - x3[1], t[2] - x3[2]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def turned(frame, half):  # type: ignore[no-untyped-def]
     """Quaternion turned by twice `half` (3) [rad]; sine and cosine are series, exact to rounding for turns of 1 rad about each axis."""
     a = dot(half, half)

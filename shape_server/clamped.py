@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .chain import blend_frames, combined_nodes
 from .chain_terms import closed, eliminated, larger, substituted, turn_of, turned, vertex_terms
+from .jitted import kernel
 from .vertices import CLAMP, INNER
 
 INVERSE, CARRY, RIGHT, COLUMN, WIDTH = 0, 6, 15, 27, 33  # where the numbers of a segment begin, and their count
@@ -29,7 +29,7 @@ class Chain(NamedTuple):
     weight: np.ndarray  # (n-1, 3) N, load of all nodes beyond a segment
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def follow_clamped(chain, frames, force, position, quaternion, short, steps):  # type: ignore[no-untyped-def]
     """Newton steps until one is shorter than `short` [rad]; frames and force are then changed in place, else left alone.
 
@@ -54,7 +54,7 @@ def follow_clamped(chain, frames, force, position, quaternion, short, steps):  #
     return _nodes(chain.lengths, now, position), verdict
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def follow_clamped_nested(chain, finer, blend, frames, force, position, quaternion, short, steps):  # type: ignore[no-untyped-def]
     """The same on a mesh and, by one more step, on the one with every segment halved; nodes of fourth order.
 
@@ -77,13 +77,13 @@ def follow_clamped_nested(chain, finer, blend, frames, force, position, quaterni
     return out, verdict, apart
 
 
-@njit(cache=True)
+@kernel
 def _hold(frames, quaternion):  # type: ignore[no-untyped-def]
     for k in range(4):
         frames[0, k], frames[-1, k] = quaternion[0, k], quaternion[1, k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _settle(chain, frames, force, position, short, steps):  # type: ignore[no-untyped-def]
     """Newton steps, in place: the force and the verdict."""
     chord = position[1, 0] - position[0, 0], position[1, 1] - position[0, 1], position[1, 2] - position[0, 2]
@@ -98,7 +98,7 @@ def _settle(chain, frames, force, position, short, steps):  # type: ignore[no-un
     return force, -1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _step(chain, frames, force, chord, work):  # type: ignore[no-untyped-def]
     """One Newton step: the new force, the longest turn [rad], and the negative eigenvalues of H and positive ones of S."""
     count, vertex = len(chain.lengths), chain.vertex
@@ -142,7 +142,7 @@ def _step(chain, frames, force, chord, work):  # type: ignore[no-untyped-def]
     return _sum(force, change), longest, inertia + positive
 
 
-@njit(cache=True)
+@kernel
 def _nodes(lengths, frames, position):  # type: ignore[no-untyped-def]
     """Nodes (n, 3) [m] along the frames of clamps and segments."""
     nodes = np.empty((len(lengths) + 1, 3))
@@ -156,7 +156,7 @@ def _nodes(lengths, frames, position):  # type: ignore[no-untyped-def]
     return nodes
 
 
-@njit(cache=True)
+@kernel
 def _keep(row, inverse, carry, right, border):  # type: ignore[no-untyped-def]
     row[0], row[1], row[2] = inverse[0]
     row[3], row[4], row[5] = inverse[1]
@@ -171,26 +171,26 @@ def _keep(row, inverse, carry, right, border):  # type: ignore[no-untyped-def]
     row[30], row[31], row[32] = border[1]
 
 
-@njit(cache=True)
+@kernel
 def _right(row):  # type: ignore[no-untyped-def]
     return _three(row, RIGHT), _three(row, RIGHT + 3), _three(row, RIGHT + 6), _three(row, RIGHT + 9)
 
 
-@njit(cache=True)
+@kernel
 def _three(row, at):  # type: ignore[no-untyped-def]
     return row[at], row[at + 1], row[at + 2]
 
 
-@njit(cache=True)
+@kernel
 def _four(frames, i):  # type: ignore[no-untyped-def]
     return frames[i, 0], frames[i, 1], frames[i, 2], frames[i, 3]
 
 
-@njit(cache=True)
+@kernel
 def _columns(rows):  # type: ignore[no-untyped-def]
     return (rows[0][0], rows[1][0], rows[2][0]), (rows[0][1], rows[1][1], rows[2][1]), (rows[0][2], rows[1][2], rows[2][2])
 
 
-@njit(cache=True)
+@kernel
 def _sum(a, b):  # type: ignore[no-untyped-def]
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

@@ -83,21 +83,19 @@ class Clock:
         """As `iteration.iterate`, for as many steps as are well within what is left."""
         while True:
             before, count, begun = descent.settled.iterations, self._fits(rod, is_exact=False), time.thread_time()
-            if len(rod.touch) > MANY:
-                descent, settled = Descent(*path.descend(rod, descent, count)), None
-            else:
-                descent, settled = path.iterate(rod, descent, count)
+            settles = len(rod.touch) <= MANY
+            descent, settled = path.iterate(rod, descent, count, settles)
             found = Settled(*descent.settled)
-            also = settled[4] if settled is not None and found.why == CLOSE else 0
+            also = settled[4] if settles and found.why == CLOSE else 0
             self._took(rod, found.iterations - before + also, time.thread_time() - begun, is_exact=False)
             self(found.iterations, float(found.unbalanced))
             if found.why == CLOSE:
-                return Descent(*descent), self.settle(path, rod, found.state) if settled is None else Settled(*settled)
+                return Descent(*descent), Settled(*settled) if settles else self.settle(path, rod, found.state)
             if found.why != GOING_ON:
                 return Descent(*descent), found
 
     def settle(self, path: ModuleType, rod: Rod, state: State) -> Settled:
-        """As `equilibrium.settle`; step by step with many contacts, or where all steps may not fit, and given up if it goes astray."""
+        """As `iteration.settle`; step by step with many contacts, or where all steps may not fit, and given up if it goes astray."""
         if len(rod.touch) <= MANY and WARM_STEPS * self._step(rod, is_exact=True) <= self.left:
             return self._settled(path, rod, state, 0.0)
         last, idle, spent = math.inf, 0, 0

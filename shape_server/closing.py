@@ -14,15 +14,15 @@ complementarity problems"), which ends for every stable state.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .jitted import kernel
 from .symmetric import solve_symmetric
 
 EXCHANGES_MAX = 200
 PATIENCE = 3  # block exchanges allowed without progress
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def close(matrix, right, first_contact, contact_count, push, is_exact):  # type: ignore[no-untyped-def]
     """Change of the force of every row.
 
@@ -70,7 +70,7 @@ def close(matrix, right, first_contact, contact_count, push, is_exact):  # type:
     return change, closed, positive
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
     """Forces f >= 0 (c,) with w = matrix f - right >= 0 and f w = 0; as near as it came if the matrix is not positive.
 
@@ -103,7 +103,7 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
     return np.maximum(force, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def part(matrix, rows, columns):  # type: ignore[no-untyped-def]
     """Rows and columns of a matrix, by their numbers."""
     out = np.empty((len(rows), len(columns)))

@@ -2,8 +2,8 @@
 
 A function contains all that it calls, so that what is compiled twice costs twice: the order says who compiles what, and who waits.
 
-    here      linear system, border   ->  Newton step  ->  descent            ->  both iterations as one, and a check of everything
-    beside    friction's dense system, look, readings  ->  settling, margin, half cells
+    here      linear system, border, readings  ->  Newton step  ->  both iterations as one  ->  a check of everything
+    beside    friction's dense system, margin                   ->  settling alone
 """
 
 from __future__ import annotations
@@ -44,39 +44,38 @@ def warm_up() -> float:
         return time.perf_counter() - start
     forget_stale_kernels()
     context = multiprocessing.get_context("spawn")
-    is_stepping, has_read, has_settled = context.Event(), context.Event(), context.Event()
-    beside = context.Process(target=_compile_beside, args=(is_stepping, has_read, has_settled), daemon=True)
+    is_stepping, has_rubbed, has_settled = context.Event(), context.Event(), context.Event()
+    beside = context.Process(target=_compile_beside, args=(is_stepping, has_rubbed, has_settled), daemon=True)
     beside.start()
     rod, state, view = _begun()
     kernels.linear_system(rod, state, view)
     kernels.border_rows(rod, state, view, EXACT, np.inf)
-    _wait(has_read, beside)
+    kernels.mend(rod, state, view)
+    kernels.section_forces(rod, state, view)
+    kernels.energy(rod, state, view)
+    _wait(has_rubbed, beside)
     newton_step(rod, state, view, EXACT, 0.0)
     is_stepping.set()
-    kernels.descend(rod, begun(kernels, rod, state), 1)
+    kernels.iterate(rod, begun(kernels, rod, state), 1, True)
     _wait(has_settled, beside)
     compile_kernels()
     beside.join()
     return time.perf_counter() - start
 
 
-def _compile_beside(is_stepping: Event, has_read: Event, has_settled: Event) -> None:
-    """Compile what the Newton step needs of friction and what reads a state; then, with the Newton step, what settles."""
+def _compile_beside(is_stepping: Event, has_rubbed: Event, has_settled: Event) -> None:
+    """Compile what the Newton step needs of friction, and the margin; then, with the Newton step, what settles."""
     rod, state, view = _begun()
     border = numpy_path.border_rows(rod, state, view, EXACT, np.inf)
     rows = len(border.element)
     close_rubbing(rod, state, np.eye(rows), np.zeros(rows), border, SOFTNESS / rod.force_scale)
-    has_read.set()
-    kernels.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
-    kernels.section_forces(rod, state, view)
-    kernels.energy(rod, state, view)
+    has_rubbed.set()
+    kernels.smallest_stiffness(rod, state, view)
     parent = multiprocessing.parent_process()
     assert parent is not None
     _wait(is_stepping, parent)
     kernels.settle(rod, state, 0.0)
     has_settled.set()
-    kernels.smallest_stiffness(rod, state, view)
-    kernels.mend(rod, state, view)
 
 
 def _wait(event: Event, other: BaseProcess) -> None:

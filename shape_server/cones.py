@@ -16,7 +16,8 @@ Source: Nocedal and Wright 2006, "Numerical Optimization", ch. 19, for such step
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 STEPS_MAX = 80
 DONE = 1e-9  # of the typical force and the largest slip, what is left of every product
@@ -27,7 +28,7 @@ CUTS_MAX = 80
 SPREAD = 1e-12  # of the largest entry of a row, by which contacts that say the same give way, so that they share the force
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def interior(matrix, right, rub_of, mu, start, scale):  # type: ignore[no-untyped-def]
     """Forces (m + 2f,) near those that keep every contact's law, zero where it is open and of mu N where it slides; and whether found.
 
@@ -74,7 +75,7 @@ def interior(matrix, right, rub_of, mu, start, scale):  # type: ignore[no-untype
     return _decided(rub_of, mu, force, gap, give, room, scale, size), is_found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _step(matrix, right, rub_of, mu, force, gap, give, room, tau):  # type: ignore[no-untyped-def]
     """Change (m + 2f,) [N] of the forces in a step of Newton's method, gaps, gives and rooms eliminated."""
     many, rubs, total = len(rub_of), len(mu), len(force)
@@ -106,7 +107,7 @@ def _step(matrix, right, rub_of, mu, force, gap, give, room, tau):  # type: igno
     return solved(whole, rest)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solved(whole, rest):  # type: ignore[no-untyped-def]
     """The solution of rows; where some say the same, as three contacts on one straight segment, one with forces that are shared."""
     try:
@@ -115,7 +116,7 @@ def solved(whole, rest):  # type: ignore[no-untyped-def]
         return np.linalg.solve(whole + SPREAD * np.eye(len(rest)), rest)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pressing(force, rub_of, rubs):  # type: ignore[no-untyped-def]
     """Normal force (f,) [N] of every contact that rubs; rows that pull do not count."""
     out = np.zeros(rubs)
@@ -125,7 +126,7 @@ def pressing(force, rub_of, rubs):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _rooms(rub_of, mu, force):  # type: ignore[no-untyped-def]
     """The z (f,) [N^2] of the module's docstring."""
     many, normal = len(rub_of), pressing(force, rub_of, len(mu))
@@ -136,7 +137,7 @@ def _rooms(rub_of, mu, force):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _widens(rub_of, mu, force, step):  # type: ignore[no-untyped-def]
     """Change (f,) [N^2] of z with a small step of the forces."""
     many, rubs = len(rub_of), len(mu)
@@ -150,7 +151,7 @@ def _widens(rub_of, mu, force, step):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _within(values, changes):  # type: ignore[no-untyped-def]
     """Share of the changes, one at most, that leaves every value positive."""
     share = 1.0
@@ -160,7 +161,7 @@ def _within(values, changes):  # type: ignore[no-untyped-def]
     return share
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _decided(rub_of, mu, force, gap, give, room, scale, size):  # type: ignore[no-untyped-def]
     """The forces, zero where the gap is the larger, on the cone where what gives is."""
     many, rubs, out = len(rub_of), len(mu), force.copy()

@@ -28,7 +28,8 @@ ten times the stiffness of the cable. Multiplied by minus the force, it enters a
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 FACE, EDGE, VERTEX = 0, 1, 2
 PARALLEL = 0.02  # sine of the angle below which a segment counts as parallel to an edge
@@ -37,7 +38,7 @@ SQUARE = 1e-3  # cosine between slide and tangent below which a contact does not
 FAR = 1.0  # m, gap of a row that another one has taken over from, on the next segment or edge
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _along(a, t, point, e, feature):  # type: ignore[no-untyped-def]
     """Place of the nearest point on the segment's line [m from its first node], and whether it can slide."""
     w0, w1, w2 = a[0] - point[0], a[1] - point[1], a[2] - point[2]
@@ -52,7 +53,7 @@ def _along(a, t, point, e, feature):  # type: ignore[no-untyped-def]
     return 0.0, False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _nearer_end(nodes, j, point, e):  # type: ignore[no-untyped-def]
     """0 or 1: the end of a segment that is nearer to a line."""
     sizes = np.zeros(2)
@@ -63,7 +64,7 @@ def _nearer_end(nodes, j, point, e):  # type: ignore[no-untyped-def]
     return 0.0 if sizes[0] <= sizes[1] else 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _turn(axes, node, n):  # type: ignore[no-untyped-def]
     """Turn of the axis at a node towards the feature, in radians."""
     if node <= 0 or node >= axes.shape[0]:
@@ -72,7 +73,7 @@ def _turn(axes, node, n):  # type: ignore[no-untyped-def]
     return -(n[0] * (after[0] - before[0]) + n[1] * (after[1] - before[1]) + n[2] * (after[2] - before[2]))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bulge(x, h, first, last):  # type: ignore[no-untyped-def]
     """Bulge, slope and second derivative at share x of a segment of length h, from the turns at its ends."""
     b0, b1 = 0.125 * h * max(first, 0.0), 0.125 * h * max(last, 0.0)
@@ -82,7 +83,7 @@ def _bulge(x, h, first, last):  # type: ignore[no-untyped-def]
     return value, (s0 + x * (2 * c2 + 3 * c3 * x)) / h, (2 * c2 + 6 * c3 * x) / (h * h)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def contact_geometry(nodes, axes, lengths, touch, fraction):  # type: ignore[no-untyped-def]
     """Where each contact is now. `fraction` is updated in place for edges and vertices.
 
@@ -142,14 +143,14 @@ def contact_geometry(nodes, axes, lengths, touch, fraction):  # type: ignore[no-
     return gap, normal, push, slide, across, numbers
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _away(nodes, axes, lengths, j, share, point, out):  # type: ignore[no-untyped-def]
     """Vector (3,) [m] from a point to the place on the axis at a share of segment j."""
     for k in range(3):
         out[k] = nodes[j, k] + share * lengths[j] * axes[j, 2, k] - point[k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _place(nodes, axes, lengths, j, point, e, feature):  # type: ignore[no-untyped-def]
     """Share of segment j at which it is nearest, and whether the contact can slide there."""
     place, is_free = _along(nodes[j], axes[j, 2], point, e, feature)
@@ -160,7 +161,7 @@ def _place(nodes, axes, lengths, j, point, e, feature):  # type: ignore[no-untyp
     return share, is_free
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _directions(t, n, e, feature, is_free, slide, across):  # type: ignore[no-untyped-def]
     """Directions in which the distance is curved: `slide` along the cable, and `across` for a vertex."""
     if feature == EDGE:
@@ -176,7 +177,7 @@ def _directions(t, n, e, feature, is_free, slide, across):  # type: ignore[no-un
     _cross(n, across, slide)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _let_slide(tangent, h, turns, share, slide, push, numbers):  # type: ignore[no-untyped-def]
     """Bulge [m] under a contact that can slide, by the turns at its segment's ends; adds its slope to `push`, and fills in `numbers`."""
     mu, d = _dot(slide, tangent), numbers[1]
@@ -187,11 +188,11 @@ def _let_slide(tangent, h, turns, share, slide, push, numbers):  # type: ignore[
     return value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cross(a, b, out):  # type: ignore[no-untyped-def]
     out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 POINTS = 121  # of a curve, to measure its length and to cut it into equal shares
 SAG_MOST = 64.0  # of the length
@@ -11,7 +12,7 @@ ROUNDS = 40
 CLOSE = 1e-13  # of the length, to which a curve has its length
 
 
-@njit(cache=True)
+@kernel
 def sagging_tangents(start, end, first, last, down, length, pull, fractions):  # type: ignore[no-untyped-def]
     """Chord directions (n-1, 3) between the points at shares `fractions` (n,) of a curve that is `length` long.
 
@@ -53,7 +54,7 @@ def sagging_tangents(start, end, first, last, down, length, pull, fractions):  #
     return _chords(points, fractions)
 
 
-@njit(cache=True)
+@kernel
 def _excess(ends, pull, sag, length, points):  # type: ignore[no-untyped-def]
     """Length of the curve less `length` [m]; fills in its points."""
     start, end, first, last, down = ends
@@ -72,7 +73,7 @@ def _excess(ends, pull, sag, length, points):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@kernel
 def _chords(points, fractions):  # type: ignore[no-untyped-def]
     """Directions (n-1, 3) from one point to the next at given shares of the arc of a polygon."""
     arc = np.zeros(POINTS)
@@ -96,7 +97,7 @@ def _chords(points, fractions):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@kernel
 def frames_along(tangents, seed, node):  # type: ignore[no-untyped-def]
     """Frames (n-1, 4) along unit tangents (n-1, 3) without twist, starting from the frame `seed` (4,) at a node."""
     out = np.empty((len(tangents), 4))
@@ -111,7 +112,7 @@ def frames_along(tangents, seed, node):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@kernel
 def turn_onto(frame, tangent):  # type: ignore[no-untyped-def]
     """The frame (4,) turned by the shortest rotation that brings its third director onto `tangent`."""
     fx, fy, fz, fw = frame[0], frame[1], frame[2], frame[3]

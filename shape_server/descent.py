@@ -28,7 +28,7 @@ def relax(path: ModuleType, rod: Rod, state: State, progress: Progress) -> Settl
         elif path is numpy_path:
             descent, settled = path.descend(rod, descent, 1), None
         else:
-            descent, settled = path.iterate(rod, descent, SLICE)
+            descent, settled = path.iterate(rod, descent, SLICE, True)
         found = descent.settled
         progress(found.iterations, float(found.unbalanced))
         if found.why == CLOSE:
@@ -83,11 +83,11 @@ def settle(path: ModuleType, rod: Rod, begin: State, progress: Progress) -> Sett
         return progress.settle(path, rod, begin)
     if path is numpy_path:
         return settle_alone(path, rod, begin, 0.0, progress)
-    return Settled(*path.iterate(rod, begun(path, rod, begin), 0)[1])
+    return Settled(*path.iterate(rod, begun(path, rod, begin), 0, True)[1])
 
 
 def settle_alone(path: ModuleType, rod: Rod, begin: State, near: float, progress: Progress) -> Settled:
-    """As `equilibrium.settle`, of which whoever does not relax loads nothing else."""
+    """As `iteration.settle`, of which whoever does not relax loads nothing else."""
     if path is not numpy_path:
         return Settled(*path.settle(rod, begin, near))
     state, view = path.look(rod, begin, np.ascontiguousarray(rod.touch["normal"]))

@@ -19,10 +19,11 @@ cable about itself is left out, as in the bond.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def drag_limit(rub, k, speed, normal):  # type: ignore[no-untyped-def]
     """Force F(v, N) [N] of contact k at a speed [m/s] and a normal force [N], and its slopes with N and with v [N s/m]."""
     table = rub.rows["table"][k]
@@ -35,13 +36,13 @@ def drag_limit(rub, k, speed, normal):  # type: ignore[no-untyped-def]
     return mu * normal * speed / size, mu * speed / size, mu * normal * v0 * v0 / (size * size * size)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sticks_at_rest(rub, k):  # type: ignore[no-untyped-def]
     """Whether contact k bears a force without sliding."""
     return drag_limit(rub, k, 0.0, 1.0)[0] > 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _from_table(table, speed, normal):  # type: ignore[no-untyped-def]
     """The same, linear between the points of a table (see `rod.Rub`); a normal force of zero has no friction."""
     all_speeds, all_normals, forces = table[1:, 0], table[0, 1:], table[1:, 1:]
@@ -69,7 +70,7 @@ def _from_table(table, speed, normal):  # type: ignore[no-untyped-def]
     return first + along * (last - first), rise, slope * (last - first)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def normal_forces(rod, push):  # type: ignore[no-untyped-def]
     """Normal force (f,) [N] of every contact that rubs, from the forces (m,) of all rows; an edge has rows on several segments."""
     out, rub_of = np.zeros(len(rod.rub.rows)), rod.touch["rub"]
@@ -79,7 +80,7 @@ def normal_forces(rod, push):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def soft_drag(rod, view, push, multiplier, stiffness):  # type: ignore[no-untyped-def]
     """Forces (f, 2) [N], compliances (f,) [m/N] and whether each sticks, for a descent whose sticking points are springs.
 
@@ -112,7 +113,7 @@ def soft_drag(rod, view, push, multiplier, stiffness):  # type: ignore[no-untype
     return drag, ease, sticks
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def soft_work(state, view, slip):  # type: ignore[no-untyped-def]
     """Work [J] of those springs at another slip (f, 2), beyond what it was at the state."""
     total = 0.0
@@ -124,7 +125,7 @@ def soft_work(state, view, slip):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def lawless(rod, state, view, hard):  # type: ignore[no-untyped-def]
     """How far the contacts are from their laws: largest stray of one that sticks [m], largest wrong force of one that slides [N]."""
     rub, normal = rod.rub, normal_forces(rod, state.push)

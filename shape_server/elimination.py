@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def columns(axes, lengths, base, element, fraction, vector, is_turn):  # type: ignore[no-untyped-def]
     """Border columns (n-1, 3, m): change of each scalar quantity with the rotation of every segment.
 
@@ -34,7 +35,7 @@ def columns(axes, lengths, base, element, fraction, vector, is_turn):  # type: i
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def factor_and_solve(diagonal, upper, right):  # type: ignore[no-untyped-def]
     """Solve the symmetric block-tridiagonal system for all right-hand sides (n-1, 3, m), which become the solutions.
 
@@ -73,7 +74,7 @@ def factor_and_solve(diagonal, upper, right):  # type: ignore[no-untyped-def]
     return negative
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _invert(block, out):  # type: ignore[no-untyped-def]
     """Inverse of a symmetric 3x3 block and the number of its negative eigenvalues, from the signs of the minors."""
     a, b, c = block[0, 0], block[0, 1], block[0, 2]

@@ -1,6 +1,6 @@
 """From a start to a stable equilibrium: Newton with an active set, and an augmented Lagrangian where that is not enough.
 
-`settle` is the warm path. It repeats Newton steps with exact rows, in each of which the contacts that push are found from the
+`settled_from` is the warm path. It repeats Newton steps with exact rows, in each of which the contacts that push are found from the
 linearised system (see `closing`); a bond that pulls is dropped. Where friction's laws have no answer in a step, it is tried with a shift of
 the Hessian, which makes it shorter. It gives up when a step is not finite, does not become short, or the equilibrium is not stable.
 
@@ -14,11 +14,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .border import SOFTNESS
 from .chain import retract
 from .drag import lawless
+from .jitted import inlined, kernel
 from .merit import search, soft_forces
 from .newton import newton_step
 from .rod import State, View, is_active, look, net_moment
@@ -86,8 +86,8 @@ class Descent(NamedTuple):
     worst: float  # m, largest miss when the multipliers were last renewed
 
 
-@njit(cache=True, error_model="numpy")
-def settle(rod, state, near):  # type: ignore[no-untyped-def]
+@inlined
+def settled_from(rod, state, near):  # type: ignore[no-untyped-def]
     """Newton's method with exact rows from a state nearby.
 
     With `near` [rad] until a step is as short as that, for comparing meshes, where no more is needed; to the end if it is zero.
@@ -96,7 +96,7 @@ def settle(rod, state, near):  # type: ignore[no-untyped-def]
     return settle_on(rod, Settled(state, view, False, False, 0, np.inf, GOING_ON, np.inf, 0.0), near, RUBBING_STEPS)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
     """Go on settling by so many steps at most; while `why` is `GOING_ON` there is more to do."""
     only_near = near > 0.0
@@ -142,7 +142,7 @@ def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
     return Settled(state, view, False, is_stable, until, unbalanced, GOING_ON if until < most else NOT_SHORT, last, shift)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _is_near(rod, state, view, step, longest, miss):  # type: ignore[no-untyped-def]
     """Whether a step leaves an error of no more than the square of `TURN_DONE`: of its own square times force over stiffness.
 
@@ -162,13 +162,13 @@ def _is_near(rod, state, view, step, longest, miss):  # type: ignore[no-untyped-
     return np.sqrt((couple * couple).sum()) <= least
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _change(before, after):  # type: ignore[no-untyped-def]
     """Largest change of a force [N], less what is rounding of the largest."""
     return np.abs(after - before).max() - FORCE_DONE * np.abs(after).max() if len(after) > 0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@inlined
 def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
     """Descend towards a minimum of the energy by at most so many steps.
 
@@ -214,13 +214,13 @@ def descend(rod, descent, steps):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def begin_stiffness(weight, stiffest, shortest):  # type: ignore[no-untyped-def]
     """Penalty of held points to begin with [N/m]; that of contacts is ten times as large."""
     return 30.0 * (weight + 10.0 * stiffest / shortest**2) / shortest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def kick(rod):  # type: ignore[no-untyped-def]
     """Small smooth turns (n-1, 3) [rad] without symmetry, the same every time: a way off a saddle."""
     turn, s = np.empty((len(rod.lengths), 3)), 0.0
@@ -233,7 +233,7 @@ def kick(rod):  # type: ignore[no-untyped-def]
     return turn
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _largest(values):  # type: ignore[no-untyped-def]
     """Largest magnitude in an array (n, 3); not finite if one of them is not."""
     most = 0.0
@@ -246,7 +246,7 @@ def _largest(values):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     """Take a step, then drop the bonds that pull; whether there were any."""
     points, holds, let_go = rod.held.rows, state.holds.copy(), False
@@ -269,7 +269,7 @@ def advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
     return moved, seen, let_go
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def keeps_laws(rod, state, view):  # type: ignore[no-untyped-def]
     """Whether every contact with friction sticks or slides by its law, as nearly as held points are held and forces known."""
     if len(state.drag) == 0:
@@ -278,7 +278,7 @@ def keeps_laws(rod, state, view):  # type: ignore[no-untyped-def]
     return stray < MISS_DONE * rod.length and wrong < FORCE_DONE * rod.force_scale
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def worst_miss(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest distance of a held point from its goal, or of a contact from where its force would have it [m].
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .chain import combined_nodes, directors, interpolate_frames, retract
 from .contact_geometry import FACE
-from .equilibrium import EXACT, settle
+from .equilibrium import EXACT
+from .iteration import settle
+from .jitted import inlined, kernel
 from .newton import newton_step
 from .rod import State, look
 
@@ -15,7 +16,7 @@ SHORT = 1e-3  # rad; a Newton step this long leaves an error of about its square
 STEPS = 6
 
 
-@njit(cache=True)
+@kernel
 def hold_at(rod, held, position, quaternion):  # type: ignore[no-untyped-def]
     """Move the grasps of a rod to new poses, in place.
 
@@ -37,7 +38,7 @@ def hold_at(rod, held, position, quaternion):  # type: ignore[no-untyped-def]
             own["goal"][row] += own["axis"][row, k] * position[rows[row], k]
 
 
-@njit(cache=True)
+@kernel
 def follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-def]
     """Move the grasps, and the state after them, in place; without contacts.
 
@@ -48,7 +49,7 @@ def follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-d
 
 
 # A function that calls others is compiled with all of them once more: those between a kernel and the Newton step are part of the kernel.
-@njit(cache=True, inline="always")
+@inlined
 def _follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-def]
     hold_at(rod, held, position, quaternion)
     after, nodes, verdict = _settled(rod, state, SHORT, STEPS)
@@ -58,7 +59,7 @@ def _follow(rod, held, state, position, quaternion):  # type: ignore[no-untyped-
     return nodes, verdict
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _settled(rod, state, short, steps):  # type: ignore[no-untyped-def]
     """Newton steps until one is shorter than `short` [rad]: state, nodes, verdict."""
     state, view = look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
@@ -84,7 +85,7 @@ def _settled(rod, state, short, steps):  # type: ignore[no-untyped-def]
     return state, view.nodes, -1
 
 
-@njit(cache=True)
+@kernel
 def follow_touching(rod, held, state, position, quaternion, segments):  # type: ignore[no-untyped-def]
     """Move the grasps, and settle from a state, which stays as it is, with contacts that were on `segments` (m,).
 
@@ -111,7 +112,7 @@ def follow_touching(rod, held, state, position, quaternion, segments):  # type: 
     return found, is_lost, has_slid
 
 
-@njit(cache=True)
+@kernel
 def follow_nested(rod, finer, held, state, between, position, quaternion):  # type: ignore[no-untyped-def]
     """The same on a mesh and, by one more step, on the one with every segment halved; nodes of fourth order.
 

@@ -21,7 +21,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 ONE, TWO, WAVES = 1, 2, 3  # layers of an end: exp(-r t); two of these; exp(-p t) cosh(q p t) and exp(-p t) sinh(q p t) / q
 UNFELT = 1e-9  # l / g; below, the second layer is smaller than rounding, as its square
@@ -53,7 +54,7 @@ class Curve(NamedTuple):
     sizes: np.ndarray  # (7,) of these parts; of the layers those of their first derivatives, so that all but two are like slopes
 
 
-@njit(cache=True)
+@kernel
 def bent(posed, horizontal):  # type: ignore[no-untyped-def]
     """The curve of the cable for a horizontal force H [N]."""
     span, micro = posed.span, posed.micro_length
@@ -80,7 +81,7 @@ def bent(posed, horizontal):  # type: ignore[no-untyped-def]
     return Curve(span, kind, fastest, other, sizes)
 
 
-@njit(cache=True)
+@kernel
 def derivatives(curve, x):  # type: ignore[no-untyped-def]
     """All derivatives (6, n), orders 0 to 5, at the places x (n,) [m]."""
     out, parts = np.empty((6, len(x))), np.empty((6, 7))
@@ -93,7 +94,7 @@ def derivatives(curve, x):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@kernel
 def slope_at(curve, x):  # type: ignore[no-untyped-def]
     """The first derivative at one place x [m]."""
     near, next_near = _decay(curve.kind, curve.fastest, curve.other, x)
@@ -103,7 +104,7 @@ def slope_at(curve, x):  # type: ignore[no-untyped-def]
     return line + sizes[3] * near + sizes[4] * next_near - sizes[5] * far - sizes[6] * next_far
 
 
-@njit(cache=True)
+@kernel
 def _fill(kind, fastest, other, span, x, parts):  # type: ignore[no-untyped-def]
     """Derivatives of all parts (6, 7) at x, orders 0 to 5."""
     parts[:, :3] = 0.0
@@ -127,7 +128,7 @@ def _fill(kind, fastest, other, span, x, parts):  # type: ignore[no-untyped-def]
             factor *= sign
 
 
-@njit(cache=True)
+@kernel
 def _decay(kind, fastest, other, t):  # type: ignore[no-untyped-def]
     """Both layers of an end at the distance t from it."""
     if kind != WAVES:
@@ -139,7 +140,7 @@ def _decay(kind, fastest, other, t):  # type: ignore[no-untyped-def]
     return decay * math.cos(q * size), decay * (math.sin(q * size) / q if q > 0.0 else size)
 
 
-@njit(cache=True)
+@kernel
 def _layers(gradient, micro):  # type: ignore[no-untyped-def]
     """Kind and rates of the layers for the lengths g and l [m]."""
     ratio = micro / gradient
@@ -152,7 +153,7 @@ def _layers(gradient, micro):  # type: ignore[no-untyped-def]
     return WAVES, 0.5 * math.sqrt(1.0 + 2.0 * ratio) / micro, (1.0 - 2.0 * ratio) / (1.0 + 2.0 * ratio)
 
 
-@njit(cache=True)
+@kernel
 def panel_ends(curve):  # type: ignore[no-untyped-def]
     """Ends of panels (p+1,) [m] that double in width from the layers inwards."""
     count = 1
@@ -165,7 +166,7 @@ def panel_ends(curve):  # type: ignore[no-untyped-def]
     return ends
 
 
-@njit(cache=True)
+@kernel
 def excess_length(curve, steepness):  # type: ignore[no-untyped-def]
     """Length of a curve less that of its chord [m], above zero."""
     ends, flat, total = panel_ends(curve), math.hypot(1.0, steepness), 0.0
@@ -179,7 +180,7 @@ def excess_length(curve, steepness):  # type: ignore[no-untyped-def]
     return max(total, 1e-300)
 
 
-@njit(cache=True)
+@kernel
 def balanced(posed, softest):  # type: ignore[no-untyped-def]
     """The horizontal force [N] that makes the curve as long as the cable; `softest` if even that is too much.
 
@@ -211,7 +212,7 @@ def balanced(posed, softest):  # type: ignore[no-untyped-def]
     return math.exp(here)
 
 
-@njit(cache=True)
+@kernel
 def places(curve, s):  # type: ignore[no-untyped-def]
     """The x (n,) [m] at which the arc lengths s (n,) [m] are, by Newton's method within their panels."""
     ends = panel_ends(curve)
@@ -230,7 +231,7 @@ def places(curve, s):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True)
+@kernel
 def _arc(curve, first, last):  # type: ignore[no-untyped-def]
     half, total = 0.5 * (last - first), 0.0
     for i in range(len(POINTS)):

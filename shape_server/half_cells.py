@@ -21,10 +21,10 @@ Source: derived here; Magnus 1954, "On the exponential solution of differential 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .band import eliminate
 from .border import border_rows
+from .jitted import kernel
 from .newton import border_columns, linear_system
 from .section_forces import clamp_moment
 from .symmetric import solve_symmetric
@@ -33,7 +33,7 @@ from .vertices import CLAMP, relative, strain_scale, vertex
 EXACT = (0.0, 0.0)  # no softness of rows
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def mend(rod, state, view):  # type: ignore[no-untyped-def]
     """What the missing term changes of an equilibrium, to first order.
 
@@ -65,7 +65,7 @@ def mend(rod, state, view):  # type: ignore[no-untyped-def]
     return turn, force, moments, energy
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def lacking(rod, state):  # type: ignore[no-untyped-def]
     """The missing term: its gradient (n-1, 3) [N m] with the turns of the segments, moments (c, 3) [N m] at clamps, energy [J]."""
     count, energy = len(rod.lengths), 0.0
@@ -92,7 +92,7 @@ def lacking(rod, state):  # type: ignore[no-untyped-def]
     return slope, moments, energy
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _precession(rho, cell, law, natural, bent):  # type: ignore[no-untyped-def]
     """Energy [J] of the term at one side of a clamp; `bent` (3,) [1/m] becomes the curvature less dW / d kappa over the cell."""
     scale, share = strain_scale(rho[3], cell, CLAMP), 0.25 * cell * cell

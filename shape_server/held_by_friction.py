@@ -8,13 +8,13 @@ grows with the speed (by 1 / F' then), and turns that force where it is pushed a
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .closing import part
+from .jitted import kernel
 from .symmetric import solve_symmetric
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def positive_and_held(matrix, held, closed, sticks, drag, slip, growth, hard):  # type: ignore[no-untyped-def]
     """Positive eigenvalues of the matrix of held points, closed contacts, curvature and what friction holds; the rows of the last.
 

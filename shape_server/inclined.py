@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .jitted import kernel
 from .strand_rows import Spread
 from .strands import shares
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def incline(nodes, held, miss):  # type: ignore[no-untyped-def]
     """Into the last rows of `miss` (h,) [m]: axis . r' less its goal, r' along a segment."""
     weights = np.empty((3, 3))
@@ -21,7 +21,7 @@ def incline(nodes, held, miss):  # type: ignore[no-untyped-def]
                 miss[row] += held.rows["axis"][row, k] * weights[1, node] * nodes[first + node, k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_couples(forces, held, force, holds):  # type: ignore[no-untyped-def]
     """Add the couples of the rows of inclination whose bonds hold, as forces (n, 3) [N] that add up to nothing."""
     weights = np.empty((3, 3))
@@ -34,7 +34,7 @@ def add_couples(forces, held, force, holds):  # type: ignore[no-untyped-def]
                 forces[first + node, k] += force[row] * weights[1, node] * held.rows["axis"][row, k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def inclined_rows(held, chosen, last):  # type: ignore[no-untyped-def]
     """The `Spread` of those rows of inclination that are among the held rows `chosen` (h,); `last` is the last node."""
     first, found, weights = len(held.rows) - held.inclined, 0, np.empty((3, 3))

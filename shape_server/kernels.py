@@ -23,13 +23,13 @@ from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import descend as descend
 from .equilibrium import keeps_laws as keeps_laws
 from .equilibrium import kick as kick
-from .equilibrium import settle as settle
 from .equilibrium import settle_on as settle_on
 from .equilibrium import worst_miss as worst_miss
 from .half_cells import lacking as lacking
 from .half_cells import mend as mend
 from .inclined import add_couples as add_couples
 from .iteration import iterate as iterate
+from .iteration import settle as settle
 from .margin import smallest_stiffness as smallest_stiffness
 from .newton import border_columns as border_columns
 from .newton import farthest_off as farthest_off

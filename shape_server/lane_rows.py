@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from numba import njit
+from .jitted import kernel
 
 LANES = 16  # a multiple of the eight numbers of a vector register
 
 
-@njit(cache=True)
+@kernel
 def place_nodes(origin, lengths, frames, nodes):  # type: ignore[no-untyped-def]
     """Fill in the nodes (LANES, n, 3) [m] from `origin` (3 LANES) along the frames (n+1, 4 LANES) of clamps and segments."""
     for lane in range(LANES):
@@ -20,31 +20,31 @@ def place_nodes(origin, lengths, frames, nodes):  # type: ignore[no-untyped-def]
             nodes[lane, j + 1, 2] = nodes[lane, j, 2] + h * (1.0 - 2.0 * (x * x + y * y))
 
 
-@njit(cache=True)
+@kernel
 def three(rows, at, lane):  # type: ignore[no-untyped-def]
     """Three rows of one lane."""
     return rows[at + lane], rows[at + LANES + lane], rows[at + 2 * LANES + lane]
 
 
-@njit(cache=True)
+@kernel
 def four(rows, at, lane):  # type: ignore[no-untyped-def]
     """Four rows of one lane."""
     return rows[at + lane], rows[at + LANES + lane], rows[at + 2 * LANES + lane], rows[at + 3 * LANES + lane]
 
 
-@njit(cache=True)
+@kernel
 def column(rows, at, lane):  # type: ignore[no-untyped-def]
     """Every third row: a column of a matrix (3, 3)."""
     return rows[at + lane], rows[at + 3 * LANES + lane], rows[at + 6 * LANES + lane]
 
 
-@njit(cache=True)
+@kernel
 def put(rows, at, value, lane):  # type: ignore[no-untyped-def]
     """Set three rows of one lane."""
     rows[at + lane], rows[at + LANES + lane], rows[at + 2 * LANES + lane] = value
 
 
-@njit(cache=True)
+@kernel
 def add(rows, at, value, lane):  # type: ignore[no-untyped-def]
     """Add to three rows of one lane."""
     rows[at + lane] += value[0]

@@ -16,9 +16,9 @@ where `clamped` takes 13 us (AVX-512).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .chain_terms import closed, eliminated, larger, substituted, turn_of, turned, vertex_terms
+from .jitted import kernel
 from .lane_rows import LANES, add, column, four, place_nodes, put, three
 from .vertices import CLAMP, INNER
 
@@ -40,7 +40,7 @@ LONGEST, MOVES = 19 * LANES, 20 * LANES  # (1) rad, of the step; (1) one, or zer
 SUMS = 21 * LANES
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def follow_lanes(vertex, lengths, weight, origin, chord, frames, force, short, steps):  # type: ignore[no-untyped-def]
     """Newton steps of blocks of `LANES` cables until one is shorter than `short` [rad]; frames and forces are changed in place.
 
@@ -77,7 +77,7 @@ def follow_lanes(vertex, lengths, weight, origin, chord, frames, force, short, s
     return nodes, verdict
 
 
-@njit(cache=True)
+@kernel
 def _judge(sums, verdict, short):  # type: ignore[no-untyped-def]
     """Stop the cables whose step was short, or too long to go on; whether others are left."""
     left = False
@@ -90,7 +90,7 @@ def _judge(sums, verdict, short):  # type: ignore[no-untyped-def]
     return left
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _step(work, sums):  # type: ignore[no-untyped-def]
     """One Newton step of every cable that still moves."""
     last = len(work) - 1
@@ -108,7 +108,7 @@ def _step(work, sums):  # type: ignore[no-untyped-def]
         _turn(work[i], sums)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _vertex(here, after, kind):  # type: ignore[no-untyped-def]
     """Gradient and Hessian of the vertex between two frames, see `vertices`."""
     for lane in range(LANES):
@@ -125,7 +125,7 @@ def _vertex(here, after, kind):  # type: ignore[no-untyped-def]
         put(here, COUPLE + 6 * LANES, couple[2], lane)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate(before, here, sums):  # type: ignore[no-untyped-def]
     """Every segment, less what the one before it leaves there; its inverse and what it carries."""
     for lane in range(LANES):
@@ -154,7 +154,7 @@ def _eliminate(before, here, sums):  # type: ignore[no-untyped-def]
         sums[INERTIA + lane] += negative
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _substitute(here, after, sums):  # type: ignore[no-untyped-def]
     """Solution of every segment from that of the next, and its share of the Schur complement C^T H^-1 (C, gradient)."""
     for lane in range(LANES):
@@ -172,7 +172,7 @@ def _substitute(here, after, sums):  # type: ignore[no-untyped-def]
         add(sums, SCHUR + 6 * LANES, third, lane)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _close(sums):  # type: ignore[no-untyped-def]
     """Change of the force of the last clamp, which takes the place of the miss; its inertia joins that of the segments."""
     for lane in range(LANES):
@@ -184,7 +184,7 @@ def _close(sums):  # type: ignore[no-untyped-def]
         sums[INERTIA + lane] += positive
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _turn(here, sums):  # type: ignore[no-untyped-def]
     """Turn a frame by its part of the step."""
     for lane in range(LANES):
@@ -195,7 +195,7 @@ def _turn(here, sums):  # type: ignore[no-untyped-def]
         here[FRAME + 3 * LANES + lane] = w
 
 
-@njit(cache=True)
+@kernel
 def _right_hand_sides(rows, lane):  # type: ignore[no-untyped-def]
     return (
         three(rows, RIGHT, lane),

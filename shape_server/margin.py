@@ -9,10 +9,10 @@ Eigenvalue Problem", ch. 14), on the same elimination as a Newton step; an upper
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .band import eliminate
 from .border import border_rows
+from .jitted import kernel
 from .newton import border_columns, fix_gauge, linear_system
 from .symmetric import solve_symmetric
 
@@ -20,7 +20,7 @@ MODES = 4
 ROUNDS = 6
 
 
-@njit(cache=True)
+@kernel
 def smallest_stiffness(rod, state, view):  # type: ignore[no-untyped-def]
     """Smallest eigenvalue [N] and its mode (n-1, 3) [rad], of unit size in the sense of sum h |theta|^2 = length."""
     count = len(rod.lengths)
@@ -59,7 +59,7 @@ def smallest_stiffness(rod, state, view):  # type: ignore[no-untyped-def]
     return best, (scale * mode).reshape(count, 3)
 
 
-@njit(cache=True)
+@kernel
 def _is_open(border, state, row):  # type: ignore[no-untyped-def]
     contact, rub = row - len(border.held), (row - len(border.element)) // 2 + len(border.rubs)
     if rub >= 0:
@@ -67,7 +67,7 @@ def _is_open(border, state, row):  # type: ignore[no-untyped-def]
     return 0 <= contact < len(border.contacts) and not state.touches[border.contacts[contact]]
 
 
-@njit(cache=True)
+@kernel
 def _ritz(before, found, weights):  # type: ignore[no-untyped-def]
     """Smallest Ritz value of the inverse A^-1 M over found = A^-1 M before, and a basis ordered by it.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .chain import retract
 from .drag import soft_drag, soft_work
+from .jitted import kernel
 from .rod import State, energy, is_active, look
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def soft_forces(rod, state, view, force, push, drag, stiffness):  # type: ignore[no-untyped-def]
     """The state with the forces that the penalties and the multipliers `force`, `push` and `drag` give."""
     soft, bond = force - stiffness * view.miss, rod.held.rows["bond"]
@@ -22,7 +22,7 @@ def soft_forces(rod, state, view, force, push, drag, stiffness):  # type: ignore
     return State(state.frames, soft, state.holds, pressed, pressed > 0.0, state.fraction, rubbed, sticks, ease)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _merit(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped-def]
     """Augmented Lagrangian [J], whose gradient is that of the energy with the forces of `soft_forces`."""
     total, bond = energy(rod, state, view), rod.held.rows["bond"]
@@ -36,7 +36,7 @@ def _merit(rod, state, view, force, push, stiffness):  # type: ignore[no-untyped
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def search(rod, state, view, step, scale, force, push, stiffness):  # type: ignore[no-untyped-def]
     """Shorten the step until the merit falls; the start again, and False, if it does not."""
     before = _merit(rod, state, view, force, push, stiffness)

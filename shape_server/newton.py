@@ -16,7 +16,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .axial import add_give
 from .band import eliminate
@@ -25,6 +24,7 @@ from .border import SOFTNESS, border_rows, is_far
 from .chain import carried_forces
 from .closing import close
 from .elimination import columns
+from .jitted import inlined, kernel
 from .rod import is_active, node_forces
 from .smoothing import add_smoothing
 from .stick_slip import close_rubbing
@@ -51,7 +51,7 @@ class Step(NamedTuple):
     is_solved: bool  # whether friction's laws are kept in it
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
     """Carried forces, then gradient and blocks, the couples of the contacts added to the gradient.
 
@@ -74,7 +74,7 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
     return carried, gradient, diagonal, upper, beyond
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _couple(axes, normal, arm):  # type: ignore[no-untyped-def]
     """Change of the gap of a contact with the rotation of its segment about d1 and d2 [m].
 
@@ -85,13 +85,13 @@ def _couple(axes, normal, arm):  # type: ignore[no-untyped-def]
     return -arm * second, arm * first
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def unbalanced(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest unbalanced couple of a segment over its length [N]."""
     return _largest_couple(linear_system(rod, state, view)[1], rod.lengths)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _largest_couple(gradient, lengths):  # type: ignore[no-untyped-def]
     most = 0.0
     for j in range(len(lengths)):
@@ -100,7 +100,7 @@ def _largest_couple(gradient, lengths):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     """One Newton step from a state.
 
@@ -118,13 +118,15 @@ def newton_step(rod, state, view, soft, shift):  # type: ignore[no-untyped-def]
     near = np.inf
     if soft[0] == 0.0 and len(state.push) > 0 and len(rod.strands.distance) + len(rod.give) == 0:
         near = AHEAD * farthest_off(rod, state, view)
-    step = step_with(rod, state, view, soft, shift, near)
-    if near < np.inf and _closes_more(rod, state, view, step, near):
-        step = step_with(rod, state, view, soft, shift, np.inf)
-    return step
+    while True:
+        # Called at one place alone, where it is inlined.
+        step = step_with(rod, state, view, soft, shift, near)
+        if near == np.inf or not _closes_more(rod, state, view, step, near):
+            return step
+        near = np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def farthest_off(rod, state, view):  # type: ignore[no-untyped-def]
     """Largest distance [m] of a held point from its goal, or of a contact that pushes or is passed from its plane."""
     most, bond = 0.0, rod.held.rows["bond"]
@@ -136,7 +138,7 @@ def farthest_off(rod, state, view):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _closes_more(rod, state, view, step, near):  # type: ignore[no-untyped-def]
     """Whether a step closes a contact that was left out of it because it was open by more than `near` [m]."""
     left = np.flatnonzero(is_far(state, view, near))
@@ -154,7 +156,7 @@ def _closes_more(rod, state, view, step, near):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _moved(rod, view, turn):  # type: ignore[no-untyped-def]
     """Displacements (n, 3) [m] of the nodes by small turns (n-1, 3) [rad] of the segments about their own axes."""
     moved = np.zeros((len(turn) + 1, 3))
@@ -167,7 +169,7 @@ def _moved(rod, view, turn):  # type: ignore[no-untyped-def]
     return moved
 
 
-@njit(cache=True, error_model="numpy")
+@inlined
 def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-def]
     """The step, without the contacts that are open by more than `near` [m]."""
     carried, gradient, diagonal, upper, beyond = linear_system(rod, state, view)
@@ -212,7 +214,7 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     return Step(turn, force, push, touches, drag, sticks, is_stable, couple, slope, stiffness, is_solved)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-untyped-def]
     """Columns (n-1, 3, count) of all rows; what stretch adds goes to `diagonal` and to the compliance of the border too."""
     matrix = columns(view.axes, view.lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
@@ -243,7 +245,7 @@ def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-unt
     return matrix
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def fix_gauge(rod, diagonal, shift):  # type: ignore[no-untyped-def]
     """Add the shift, and where no clamp holds the roll of the cable, hold that of one segment: if round and straight, it keeps its shape.
 
@@ -259,7 +261,7 @@ def fix_gauge(rod, diagonal, shift):  # type: ignore[no-untyped-def]
         diagonal[segment, 2, 2] += share * rod.elastic.law[segment, 2] / rod.length
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _is_round(elastic):  # type: ignore[no-untyped-def]
     """Whether no direction of any section differs from the others."""
     for j in range(len(elastic.law)):

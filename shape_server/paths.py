@@ -115,7 +115,11 @@ def _fingerprint() -> str:
 
 def compiled_files() -> list[Path]:
     """The files of this package with functions that numba compiles."""
-    return [source for source in sorted(Path(__file__).parent.glob("*.py")) if b"\n@njit" in source.read_bytes()]
+    return [
+        source
+        for source in sorted(Path(__file__).parent.glob("*.py"))
+        if b"\nfrom numba import njit" in source.read_bytes() or b"\nfrom .jitted import" in source.read_bytes()
+    ]
 
 
 def compile_kernels() -> ModuleType:

@@ -9,13 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .axial import pulled_lengths
 from .bend_limit import limit_energy
 from .chain import carried_forces, directors, positions
 from .contact_geometry import FAR, contact_geometry
 from .inclined import add_couples, incline
+from .jitted import kernel
 from .smoothing import smoothing_energy
 from .strands import Strands, add_strand_forces, meet
 from .vertices import elastic_energy
@@ -160,7 +160,7 @@ class View(NamedTuple):
     slip: np.ndarray  # (f, 2) m, material point less its anchor, along the axes of `Rub`
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
     """Positions, gaps and misses of a state; the contacts of the returned state have slid to where they are nearest.
 
@@ -195,7 +195,7 @@ def look(rod, state, push_direction):  # type: ignore[no-untyped-def]
     return moved, View(axes, lengths, nodes, miss, gap, normal, push, slide, across, numbers, _slips(rod.rub.rows, nodes))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _slips(rub, nodes):  # type: ignore[no-untyped-def]
     """How far material points have gone along the surface since they were held, (f, 2) [m]."""
     out = np.zeros((len(rub), 2))
@@ -208,13 +208,13 @@ def _slips(rub, nodes):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def is_active(bond, holds, row):  # type: ignore[no-untyped-def]
     """Whether a row of a held point holds: always that of a grasp, that of a bond until it pulls."""
     return bond[row] < 0 or holds[bond[row]]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _handed_over(touch, gap, push, touches):  # type: ignore[no-untyped-def]
     """Forces (m,) and touches (m,) after rows that another one has taken over from gave it what they carried."""
     push, touches = push.copy(), touches.copy()
@@ -232,7 +232,7 @@ def _handed_over(touch, gap, push, touches):  # type: ignore[no-untyped-def]
     return push, touches
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def node_forces(rod, state, view):  # type: ignore[no-untyped-def]
     """Loads, forces at held points and contact forces, shared by the nodes: (n, 3) [N]. The base is left out."""
     forces = _node_forces(rod, state, view.push)
@@ -241,7 +241,7 @@ def node_forces(rod, state, view):  # type: ignore[no-untyped-def]
     return forces
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     forces = rod.loads.copy()
     if rod.held.inclined > 0:
@@ -259,14 +259,14 @@ def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     return forces
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _share(forces, element, fraction, size, direction):  # type: ignore[no-untyped-def]
     for k in range(3):
         forces[element, k] += (1.0 - fraction) * size * direction[k]
         forces[element + 1, k] += fraction * size * direction[k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def net_moment(rod, state, view):  # type: ignore[no-untyped-def]
     """Moment (3,) [N m] of loads, held points and contacts about the base; what clamps do not take, an equilibrium leaves zero."""
     forces, total = node_forces(rod, state, view), np.zeros(3)
@@ -277,14 +277,14 @@ def net_moment(rod, state, view):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add_cross(out, size, a, b):  # type: ignore[no-untyped-def]
     out[0] += size * (a[1] * b[2] - a[2] * b[1])
     out[1] += size * (a[2] * b[0] - a[0] * b[2])
     out[2] += size * (a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def energy(rod, state, view):  # type: ignore[no-untyped-def]
     """Energy of bending and twist less the work of the loads [J]; forces on the border are left out."""
     total = elastic_energy(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .bend_limit import place, secant
 from .chain import carried_forces
+from .jitted import kernel
 from .rod import node_forces
 from .smoothing import tied
 from .vertices import CLAMP, INNER, relative, strain_scale
 
 
-@njit(cache=True)
+@kernel
 def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
     """Tension (n-1,) [N], curvature (n,) [1/m], total twist [rad], and moments (c, 3) [N m] on the cable at all clamps.
 
@@ -55,7 +55,7 @@ def section_forces(rod, state, view):  # type: ignore[no-untyped-def]
     return tension, curvature, twist_of(state.frames, rod.clamp_of_node, rod.clamp_frames), moments
 
 
-@njit(cache=True)
+@kernel
 def _add_smoothing(rod, state, curvature, moments):  # type: ignore[no-untyped-def]
     """Add what the ties of `smoothing` do: to the moments of clamps, and the curvature that they leave at ends without one."""
     strain, ties = tied(state.frames, rod.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames)
@@ -81,7 +81,7 @@ def _add_smoothing(rod, state, curvature, moments):  # type: ignore[no-untyped-d
                 moments[clamp, k] += world[k] if side == 1 else -world[k]
 
 
-@njit(cache=True)
+@kernel
 def _add_limit(rod, state, moments):  # type: ignore[no-untyped-def]
     """Add what the least bend radius does to the moments of clamps."""
     law, none, rho, world = np.zeros(3), np.zeros(3), np.empty(4), np.empty(3)
@@ -97,7 +97,7 @@ def _add_limit(rod, state, moments):  # type: ignore[no-untyped-def]
                 moments[clamp, k] += world[k] if side == 1 else -world[k]
 
 
-@njit(cache=True)
+@kernel
 def twist_of(frames, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-def]
     """Twist [rad] of the section about the tangent, from the first node to the last."""
     count, twist, rho = len(frames), 0.0, np.empty(4)
@@ -115,12 +115,12 @@ def twist_of(frames, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-de
     return twist
 
 
-@njit(cache=True)
+@kernel
 def _bend(rho, cell, kind):  # type: ignore[no-untyped-def]
     return strain_scale(rho[3], cell, kind) * np.sqrt(rho[0] * rho[0] + rho[1] * rho[1])
 
 
-@njit(cache=True)
+@kernel
 def _held_bend(moment, frame, law, bent):  # type: ignore[no-untyped-def]
     """Curvature [1/m] at a clamp by the moment there: the cell's own is that of its middle, whose axes precess from those of the clamp."""
     x, y, z, w = frame[0], frame[1], frame[2], frame[3]
@@ -130,7 +130,7 @@ def _held_bend(moment, frame, law, bent):  # type: ignore[no-untyped-def]
     return np.hypot(first / law[0] + bent[0], second / law[1] + bent[1])
 
 
-@njit(cache=True)
+@kernel
 def clamp_moment(rho, cell, law, bent, frame, out):  # type: ignore[no-untyped-def]
     """Moment (3,) [N m], world frame, that the part after a clamp's vertex exerts on the part before it.
 

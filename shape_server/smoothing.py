@@ -17,12 +17,12 @@ j and j + 2. Derived here, checked by differences in the tests.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .jitted import kernel
 from .vertices import CLAMP, INNER, relative, strain_scale, vertex
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def tied(frames, lengths, elastic, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-def]
     """Curvature less the natural one at both ends of every segment, (n-1, 2, 2) [1/m], and the ties between them (n-1, 2) [N m^3].
 
@@ -44,7 +44,7 @@ def tied(frames, lengths, elastic, clamp_of_node, clamp_frames):  # type: ignore
     return strain, ties
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def smoothing_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-def]
     """Energy of the ties [J]; `elastic` is an `Elastic`."""
     strain, ties = tied(frames, lengths, elastic, clamp_of_node, clamp_frames)
@@ -55,7 +55,7 @@ def smoothing_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # 
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_smoothing(frames, lengths, elastic, clamp_of_node, clamp_frames, gradient, diagonal, upper):  # type: ignore[no-untyped-def]
     """Add the ties to gradient, diagonal and upper blocks as `vertices.assemble` gives them.
 
@@ -78,7 +78,7 @@ def add_smoothing(frames, lengths, elastic, clamp_of_node, clamp_frames, gradien
     return beyond
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add_nodes(frames, lengths, elastic, clamp_of_node, clamp_frames, strain, ties, gradient, diagonal, upper):  # type: ignore[no-untyped-def]
     """Add the terms in which every node occurs alone.
 
@@ -123,12 +123,12 @@ def _add_nodes(frames, lengths, elastic, clamp_of_node, clamp_frames, strain, ti
     return slope
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _is_free(clamp_of_node, node):  # type: ignore[no-untyped-def]
     return clamp_of_node[node] < 0 and (node == 0 or node == len(clamp_of_node) - 1)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _place(frames, lengths, elastic, clamp_of_node, clamp_frames, j, side):  # type: ignore[no-untyped-def]
     """Frames before and after the node at one end of segment j, length and kind of its cell, natural curvature."""
     node = j + side

@@ -19,13 +19,13 @@ mapping of Giannakopoulos 1989.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .border import SOFTNESS, laws_among
 from .closing import PATIENCE, part
 from .cones import interior, pressing, solved
 from .drag import drag_limit, sticks_at_rest
 from .held_by_friction import positive_and_held
+from .jitted import kernel
 from .symmetric import solve_symmetric
 
 ROUNDS_MAX = 40
@@ -33,7 +33,7 @@ LAW_DONE = 1e-9  # of the force, by which a sliding contact may miss its law
 SLACK = 1e-9  # of the force at rest, within which a contact may as well stick
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def close_rubbing(rod, state, matrix, right, border, hard):  # type: ignore[no-untyped-def]
     """`close_with_friction` for the rows of one rod, as they are in its border."""
     rub_of, rub = laws_among(rod, border.contacts, border.rubs)
@@ -41,7 +41,7 @@ def close_rubbing(rod, state, matrix, right, border, hard):  # type: ignore[no-u
     return close_with_friction(matrix, right, len(border.held), push, drag, rub_of, rub, hard)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # type: ignore[no-untyped-def]
     """Change of the force of every row: held points, contacts, curvature, then two of every contact that rubs.
 
@@ -87,7 +87,7 @@ def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # 
     return change, closed, sticks, positive, rubbing, is_solved
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-untyped-def]
     """Forces (m + 2f,) that keep every contact's law, which contacts that rub stick (f,), and whether they do; if not, as near as it came.
 
@@ -113,7 +113,7 @@ def stick_slip(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
     return force, sticks, is_done
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _exchanged(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-untyped-def]
     """The same by exchanges alone, and whether they ended."""
     many, rubs = len(rub_of), len(rub.rows)
@@ -158,12 +158,12 @@ def _exchanged(matrix, right, rub_of, rub, hard, start):  # type: ignore[no-unty
     return force, sticks, has_ended
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _size(a, b):  # type: ignore[no-untyped-def]
     return np.sqrt(a * a + b * b)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _guess(gap, force, rub, hard, normal, many):  # type: ignore[no-untyped-def]
     """Slips (f, 2) at which the laws are linearised first, and what sticks at first (f,): from the forces now acting.
 
@@ -182,7 +182,7 @@ def _guess(gap, force, rub, hard, normal, many):  # type: ignore[no-untyped-def]
     return at, sticks
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _touching(closed, rub_of, rubs):  # type: ignore[no-untyped-def]
     """Contacts that rub (f,) with a row that is closed."""
     out = np.zeros(rubs, dtype=np.bool_)
@@ -192,7 +192,7 @@ def _touching(closed, rub_of, rubs):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _judge(force, gap, rub_of, rub, at, hard, sticks, turned, touching, normal, wrong):  # type: ignore[no-untyped-def]
     """Mark in `wrong` the contacts that neither stick nor slide as they should, move `at` on; whether all that slide keep their law.
 
@@ -226,7 +226,7 @@ def _judge(force, gap, rub_of, rub, at, hard, sticks, turned, touching, normal, 
     return is_done
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _pull(force, rub_of, k):  # type: ignore[no-untyped-def]
     """How strongly all rows of a contact that rubs pull [N]; not positive if they push."""
     total = 0.0
@@ -236,7 +236,7 @@ def _pull(force, rub_of, k):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _exchange(k, force, rub, at, hard, sticks, normal):  # type: ignore[no-untyped-def]
     """Let a contact slide that stuck, beginning where its spring would give way; or stick that slid."""
     sticks[k] = not sticks[k]
@@ -245,7 +245,7 @@ def _exchange(k, force, rub, at, hard, sticks, normal):  # type: ignore[no-untyp
         at[k, 0], at[k, 1] = -hard * rest * force[0] / size, -hard * rest * force[1] / size
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _solved(matrix, right, rub_of, rub, at, hard, closed, sticks, normal):  # type: ignore[no-untyped-def]
     """Forces (m + 2f,) of the linearised system with the states given."""
     many, total = len(rub_of), len(right)
@@ -274,7 +274,7 @@ def _solved(matrix, right, rub_of, rub, at, hard, closed, sticks, normal):  # ty
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _slide(own, rest, place, k, rub_of, on, rub, at, hard, normal):  # type: ignore[no-untyped-def]
     """Put the law of a contact that slides, linearised at the slip `at` and the normal force, in the place of the rows of its slip."""
     u0, u1 = at[k, 0], at[k, 1]

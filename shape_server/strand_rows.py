@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from .jitted import kernel
 from .strands import inner, point_at, shares
 
 WEAK = 1e-9  # of the typical force; a push below it has no curvature
@@ -23,13 +23,13 @@ class Spread(NamedTuple):
     coef: np.ndarray  # (r, 2, 3, 3)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def no_spread():  # type: ignore[no-untyped-def]
     """No rows, without curvature."""
     return Spread(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2, 3, 3))), np.zeros(0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def strand_rows(rod, state, view, contacts, first_row, next_row):  # type: ignore[no-untyped-def]
     """Rows of the self-contacts among `contacts` (c,), whose border rows begin at `first_row`, then those of their curvature.
 
@@ -76,7 +76,7 @@ def strand_rows(rod, state, view, contacts, first_row, next_row):  # type: ignor
     return Spread(row[:count], node[:count], coef[:count]), stiffness[:curved]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def curvature(nodes, others, place, cell, n, gap, distance, push, coef, node):  # type: ignore[no-untyped-def]
     """Eigenvectors of minus the force times the second derivative of a gap: rows into `coef` (4, 2, 3, 3), stiffness (4,) [N/m].
 
@@ -105,7 +105,7 @@ def curvature(nodes, others, place, cell, n, gap, distance, push, coef, node):  
     return found, kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _second_derivative(point, n, d, across, place, last, cell):  # type: ignore[no-untyped-def]
     """The form (4, 4) of the module's docstring, over u along `across` (2, 3), n.u'(x) and -n.u'(y)."""
     slope = np.zeros((2, 4))  # F
@@ -139,7 +139,7 @@ def _second_derivative(point, n, d, across, place, last, cell):  # type: ignore[
     return form
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _two_across(n):  # type: ignore[no-untyped-def]
     """Two unit vectors (2, 3) square to n and to each other."""
     out, least = np.zeros((2, 3)), 0
@@ -158,7 +158,7 @@ def _two_across(n):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_spread(axes, lengths, base, spread, matrix):  # type: ignore[no-untyped-def]
     """Add the columns of spread rows to the border `matrix` (n-1, 3, count): their change with the rotation of every segment."""
     count = len(lengths)

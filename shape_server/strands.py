@@ -26,9 +26,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from .contact_geometry import FAR
+from .jitted import kernel
 
 STEPS = 60
 NEAREST = 1e-10  # segments; places are found to within this
@@ -46,7 +46,7 @@ class Strands(NamedTuple):
     s: np.ndarray  # (n,) m, arc length of the nodes
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def shares(place, last, weights):  # type: ignore[no-untyped-def]
     """First of the three nodes that make a place, their weights and two derivatives into `weights` (3, 3); `last` is the last node."""
     weights[:] = 0.0
@@ -65,7 +65,7 @@ def shares(place, last, weights):  # type: ignore[no-untyped-def]
     return node - 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def point_at(nodes, place, weights, out):  # type: ignore[no-untyped-def]
     """Point, derivative and second derivative of the axis at a place, rows of `out` (3, 3) [m]; the first of its nodes."""
     first = shares(place, len(nodes) - 1, weights)
@@ -77,13 +77,13 @@ def point_at(nodes, place, weights, out):  # type: ignore[no-untyped-def]
     return first
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def inner(a, b):  # type: ignore[no-untyped-def]
     """Scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def slide(nodes, others, x, y, cell, weights, one, other):  # type: ignore[no-untyped-def]
     """The places nearest to each other around x of one axis, within its cell, and y of the other, which may be the same.
 
@@ -121,7 +121,7 @@ def slide(nodes, others, x, y, cell, weights, one, other):  # type: ignore[no-un
     return x, y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def apart(one, other, distance, normal):  # type: ignore[no-untyped-def]
     """Gap [m] between two places as `point_at` leaves them; `normal` (3,), that of before, is turned to that of now.
 
@@ -140,13 +140,13 @@ def apart(one, other, distance, normal):  # type: ignore[no-untyped-def]
     return signed - distance
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _is_kept(place, slope, low, high):  # type: ignore[no-untyped-def]
     """Whether a place at an end of where it may be would slide beyond it."""
     return (place <= low and slope > 0.0) or (place >= high and slope < 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def meet(nodes, strands, fraction, gap, normal):  # type: ignore[no-untyped-def]
     """Gaps [m] and normals of all self-contacts, into their rows.
 
@@ -166,13 +166,13 @@ def meet(nodes, strands, fraction, gap, normal):  # type: ignore[no-untyped-def]
         normal[row] = fraction[was : was + 3]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _arc_length(s, place):  # type: ignore[no-untyped-def]
     node = min(int(place), len(s) - 2)
     return s[node] + (place - node) * (s[node + 1] - s[node])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_strand_forces(forces, strands, push, fraction, normal):  # type: ignore[no-untyped-def]
     """Add the forces [N] of self-contacts to the nodes (n, 3): on the first place along the normal, on the second against it."""
     weights = np.empty((3, 3))

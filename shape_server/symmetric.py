@@ -9,13 +9,14 @@ magnitude.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 FLOOR = 1e-12  # added to the diagonal of a scaled matrix; a row without any compliance is held this softly
 ALPHA = 0.6403882032022076  # (1 + sqrt 17) / 8, the share at which a pivot of one grows the rest as little as one of two
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_symmetric(matrix, right):  # type: ignore[no-untyped-def]
     """Solution (c, k) of `matrix` (c, c) x = `right` (c, k), and the number of positive eigenvalues of the matrix."""
     count, many = len(matrix), right.shape[1]
@@ -47,7 +48,7 @@ def solve_symmetric(matrix, right):  # type: ignore[no-untyped-def]
     return out, positive
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _scaled(matrix):  # type: ignore[no-untyped-def]
     """The matrix with rows and columns scaled to comparable size, which keeps the signs of its eigenvalues; the scale."""
     count = len(matrix)
@@ -67,7 +68,7 @@ def _scaled(matrix):  # type: ignore[no-untyped-def]
     return out, scale
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _pivot(a, at):  # type: ignore[no-untyped-def]
     """Best pivot of one, best pair, and whether the pair is to be taken."""
     one, p, q, diagonal, beside = at, at, at, -1.0, -1.0
@@ -80,7 +81,7 @@ def _pivot(a, at):  # type: ignore[no-untyped-def]
     return one, p, q, q > p and diagonal < ALPHA * beside  # no pair of what is not a number
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _swap(a, x, order, i, j):  # type: ignore[no-untyped-def]
     if i == j:
         return
@@ -93,7 +94,7 @@ def _swap(a, x, order, i, j):  # type: ignore[no-untyped-def]
     order[i], order[j] = order[j], order[i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate_one(a, x, at):  # type: ignore[no-untyped-def]
     """Eliminate with the pivot a[at, at]; multipliers stay in the row `at`. 1 if the pivot is positive."""
     pivot = a[at, at]
@@ -110,7 +111,7 @@ def _eliminate_one(a, x, at):  # type: ignore[no-untyped-def]
     return 1 if pivot > 0.0 else 0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate_two(a, x, at):  # type: ignore[no-untyped-def]
     """Eliminate with the pivot a[at:at+2, at:at+2], which is indefinite: one of its eigenvalues is positive."""
     d, e, f = a[at, at], a[at + 1, at], a[at + 1, at + 1]
@@ -125,7 +126,7 @@ def _eliminate_two(a, x, at):  # type: ignore[no-untyped-def]
     return 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _substitute_back(a, x, paired):  # type: ignore[no-untyped-def]
     at = len(a) - 1
     while at >= 0:

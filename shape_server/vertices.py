@@ -22,13 +22,14 @@ geometrically exact Cosserat rods". Derivatives were derived here and are checke
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jitted import kernel
 
 INNER, CLAMP = 1.0, 0.0  # kinds of vertices: between two segments, and between a segment and a clamp
 LEAST = 1e-6  # of the scalar part at a clamp; half a turn within half a cell is further than any cable bends
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def elastic_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # type: ignore[no-untyped-def]
     """Energy of bending and twist [J]; `elastic` is an `Elastic`."""
     count = lengths.shape[0]
@@ -48,7 +49,7 @@ def elastic_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # ty
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def assemble(frames, axes, lengths, pulled, elastic, clamp_of_node, clamp_frames, carried):  # type: ignore[no-untyped-def]
     """Gradient (n-1, 3), diagonal (n-1, 3, 3) and upper blocks (n-1, 3, 3) of energy less the work of the forces.
 
@@ -101,7 +102,7 @@ def assemble(frames, axes, lengths, pulled, elastic, clamp_of_node, clamp_frames
     return gradient, diagonal, upper
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add(gradient, diagonal, segment, slope, curve):  # type: ignore[no-untyped-def]
     for r in range(3):
         gradient[segment, r] += slope[r]
@@ -109,13 +110,13 @@ def _add(gradient, diagonal, segment, slope, curve):  # type: ignore[no-untyped-
             diagonal[segment, r, c] += curve[r, c]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def strain_scale(scalar, cell, kind):  # type: ignore[no-untyped-def]
     """Curvature per vector part of the relative rotation whose scalar part is given [1/m]."""
     return (2.0 + 2.0 * kind) / (cell * max(kind + scalar, LEAST))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def relative(qa, qb, rho):  # type: ignore[no-untyped-def]
     """Relative rotation conj(qa) qb as (x, y, z, w), with w >= 0."""
     ax, ay, az, aw = -qa[0], -qa[1], -qa[2], qa[3]
@@ -128,7 +129,7 @@ def relative(qa, qb, rho):  # type: ignore[no-untyped-def]
     rho[0], rho[1], rho[2], rho[3] = sign * x, sign * y, sign * z, sign * w
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _energy(qa, qb, cell, kind, law, bent, rho):  # type: ignore[no-untyped-def]
     relative(qa, qb, rho)
     scale = strain_scale(rho[3], cell, kind)
@@ -138,7 +139,7 @@ def _energy(qa, qb, cell, kind, law, bent, rho):  # type: ignore[no-untyped-def]
     return 0.5 * cell * total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def vertex(qa, qb, cell, kind, law, bent, rho, ga, gb, haa, hab, hbb, work):  # type: ignore[no-untyped-def]
     """Gradient and Hessian of one vertex of a `kind`, `INNER` or `CLAMP`; `work` is (4, 3, 3).
 

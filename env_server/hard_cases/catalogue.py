@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from protocol.hard_case import Case
 
-from . import draping, journeys, limp, meeting, meeting_itself, rubbing, triangles
+from . import crossing, draping, journeys, limp, meeting, meeting_itself, rubbing, triangles
 
-FAMILIES = (meeting, triangles, rubbing, draping, meeting_itself, journeys, limp)
+FAMILIES = (meeting, triangles, rubbing, draping, meeting_itself, journeys, limp, crossing)
 
 
 def catalogue() -> tuple[Case, ...]:

@@ -109,18 +109,17 @@ def _others(static: Static, exact: Points, told: Callable[[str], None]) -> tuple
         told(f"{static.name}: {PEER}")
         rows += _peer(static, exact)
         peers.append(PEER)
-        motions = at_rest.as_motions(static.problem, _weight(static))
-        others = installed.FOLLOWING[1:]  # the first is SciPy
-        if motions is None:
-            missing.append(f"{', '.join(peer.NAME for peer in others)}: not set up for these ends, or for this rod.")
-        for peer in others if motions is not None else ():
-            if not installed.is_installed(peer):
-                missing.append(installed.missing(peer))
-            else:
-                told(f"{static.name}: {peer.NAME}")
-                assert motions is not None
-                rows += _at_rest(peer, static, motions, exact)
-                peers.append(peer.NAME)
+    motions = at_rest.as_motions(static.problem, _weight(static))
+    for peer in installed.FOLLOWING[1:] if motions is not None else ():  # the first is SciPy
+        assert motions is not None
+        if motions.needs - peer.CAN:
+            missing.append(f"{peer.NAME}: not set up for {' and '.join(sorted(motions.needs - peer.CAN))}.")
+        elif not installed.is_installed(peer):
+            missing.append(installed.missing(peer))
+        else:
+            told(f"{static.name}: {peer.NAME}")
+            rows += _at_rest(peer, static, motions, exact)
+            peers.append(peer.NAME)
     if _hangs_level(static.problem):
         if installed.is_installed(peer_moorpy):
             told(f"{static.name}: {peer_moorpy.NAME}")
@@ -170,10 +169,15 @@ def _peer(static: Static, exact: Points) -> Iterator[Row]:
             yield Row(PEER, f"{tolerance:g}", away, math.inf, seconds, len(found.found.x), 0, PEER)
 
 
-def _at_rest(peer: ModuleType, static: Static, motions: Motions, exact: Points) -> Iterator[Row]:
+def _at_rest(peer: ModuleType, static: Static, motions: Motions, there: Points) -> Iterator[Row]:
     """A peer that marches in time, or solves statics afresh."""
     near = at_rest.Near(solve(static.problem, static.gravity, tolerance=1e-3 * static.problem.cable.length, path=kernels))
-    known = [exact] if motions.is_planar else [exact, at_start(motions).positions]
+    origin = static.problem.grasps.position[0]  # of the motions
+
+    def exact(s: np.ndarray) -> np.ndarray:
+        return there(s) - origin
+
+    known = [exact] if motions.is_planar or motions.needs else [exact, at_start(motions).positions]
     for one, nodes in at_rest.rested(peer, motions, near, known):
         yield Row(peer.NAME, one.setting, one.error, math.inf, 1e-3 * one.milliseconds, nodes, 0, peer.NAME)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from in_process import steps
 
 from protocol.kinds import Hold, Outcome, Primitive
@@ -32,6 +33,7 @@ SCENE = Scene(
 )
 
 
+@pytest.mark.slow
 def test_it_lies_round_it_ever_further_with_one_number_for_tension_less_weight_times_height() -> None:
     lying = []
     for _, step in steps(SCENE):

@@ -126,6 +126,7 @@ def test_a_transparent_cable_is_not_looked_at_and_asks_about_nothing() -> None:
     assert all(step.cables[0].shape.self_reactions is None for step in steps)
 
 
+@pytest.mark.slow
 def test_rows_are_asked_about_only_where_the_cable_is_near_itself() -> None:
     _, asked = play(SelfInteraction.CONTACT)
     rows = [0 if request.problems[0].self_contacts is None else len(request.problems[0].self_contacts.s) for request in asked]

@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -21,12 +22,15 @@ from shape_server.accuracy.draws import GRAVITY, draw
 from shape_server.accuracy.frontier import frontier, price_of_ten, sentence
 from shape_server.accuracy.hanging import hanging
 from shape_server.accuracy.peers import at_rest, installed, peer_scipy
+from shape_server.accuracy.peers.motions import Need
 from shape_server.accuracy.problems import Static, standard
 from shape_server.accuracy.report import audit_table, study_json, study_table
 from shape_server.accuracy.study import AUTOMATIC, PEER, Row, Studied
 from viz_client.accuracy_page import write
 
-ABSENT = SimpleNamespace(NAME="Nobody's rods", DISTRIBUTION="no-such-distribution", VERSION=(1, 0), INSTALL="There is none.")
+ABSENT = SimpleNamespace(
+    NAME="Nobody's rods", DISTRIBUTION="no-such-distribution", VERSION=(1, 0), INSTALL="There is none.", CAN=frozenset()
+)
 PROBLEMS = {one.name: one for one in standard()}
 
 
@@ -104,17 +108,47 @@ def test_a_model_that_leaves_bending_out_says_by_how_much(twisted: Studied) -> N
 
 
 @pytest.mark.parametrize(
-    ("name", "is_planar"), [("slack", True), ("stiff", True), ("soft", True), ("nearly taut", True), ("twisted", False)]
+    ("name", "is_planar", "needs"),
+    [
+        ("slack", True, set()),
+        ("stiff", True, set()),
+        ("soft", True, set()),
+        ("nearly taut", True, set()),
+        ("twisted", False, set()),
+        ("hinged", True, {Need.HINGE}),
+        ("flat and bent", False, {Need.FLAT, Need.BENT}),
+        ("stretching", True, {Need.STRETCH}),
+        ("on a floor", True, {Need.FLOOR}),
+    ],
 )
-def test_peers_are_asked_for_rods_that_they_are_set_up_for(name: str, is_planar: bool) -> None:
-    found = at_rest.as_motions(PROBLEMS[name].problem, 1.0)
+def test_a_peer_is_asked_for_a_rod_if_it_can_do_what_that_needs(name: str, is_planar: bool, needs: set[Need]) -> None:
+    problem = PROBLEMS[name].problem
+    found = at_rest.as_motions(problem, 1.0)
     assert found is not None
     assert found.is_planar is is_planar
+    assert found.needs == needs
+    assert not found.position[:, 0].any()
+    np.testing.assert_array_equal(found.position[0, 1], problem.grasps.position[1] - problem.grasps.position[0])
+    assert {peer.NAME for peer in installed.FOLLOWING[1:] if needs <= peer.CAN} >= {"PyElastica"}
 
 
-@pytest.mark.parametrize("name", ["hinged", "flat and bent", "stretching", "no bending", "on a floor"])
-def test_peers_are_not_asked_for_other_rods(name: str) -> None:
-    assert at_rest.as_motions(PROBLEMS[name].problem, 1.0) is None
+def test_the_floor_is_where_an_axis_would_lie() -> None:
+    found = at_rest.as_motions(PROBLEMS["on a floor"].problem, 1.0)
+    assert found is not None
+    assert found.floor == pytest.approx(-0.02, abs=1e-15)
+
+
+def test_peers_are_not_asked_for_a_rough_or_an_uneven_floor() -> None:
+    problem = PROBLEMS["on a floor"].problem
+    assert problem.contacts is not None
+    uneven, rough = problem.contacts.point.copy(), np.ones_like(problem.contacts.friction)
+    uneven[0, 2] += 1e-3
+    for changed in (msgspec.structs.replace(problem.contacts, point=uneven), msgspec.structs.replace(problem.contacts, friction=rough)):
+        assert at_rest.as_motions(msgspec.structs.replace(problem, contacts=changed), 1.0) is None
+
+
+def test_peers_that_bend_are_not_asked_for_a_cable_without_bending() -> None:
+    assert at_rest.as_motions(PROBLEMS["no bending"].problem, 1.0) is None
 
 
 class Sinking:

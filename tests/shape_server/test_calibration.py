@@ -64,6 +64,7 @@ def _share_inside(cases: int) -> dict[str, float]:
     return {name: float(np.mean(held)) for name, held in inside.items()}
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_true_stiffness() -> None:
     assert min(_share_inside(3).values()) >= 0.6
 

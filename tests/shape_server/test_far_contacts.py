@@ -37,7 +37,7 @@ def over_edges(chord: float, depth: float) -> tuple[System, State]:
 def both(rod: Rod, state: State) -> tuple[newton.Step, newton.Step, View]:
     """The step, and that with every contact, from a state with the view of it."""
     state, view = KERNELS.look(rod, state, np.ascontiguousarray(rod.touch["normal"]))
-    return newton.newton_step(rod, state, view, EXACT, 0.0), newton.step_with(rod, state, view, EXACT, 0.0, np.inf), view
+    return newton.newton_step(rod, state, view, EXACT, 0.0), newton.step_with.py_func(rod, state, view, EXACT, 0.0, np.inf), view
 
 
 @pytest.mark.parametrize("depth", [0.02, 0.04, 0.05, 0.06, 0.1])

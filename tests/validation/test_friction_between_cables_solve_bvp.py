@@ -139,6 +139,7 @@ def test_friction_never_exceeds_mu_times_the_push_and_both_cables_balance() -> N
             assert np.abs(total).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_what_sticks_does_not_creep_and_slides_when_drawn_further() -> None:
     """Coming down it slides along y all the time; what it bears after a little way back is below the limit."""
     out = played((1e-5, 1), (0.0, 200), (0.02, 10), lift=1e-3)

@@ -236,6 +236,7 @@ def audited() -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("predicted", "true"), [(0, 1), (2, 3)], ids=["nodes", "tension"])
 def test_over_random_cables_the_prediction_is_seldom_below_the_truth_and_not_far_above(predicted: int, true: int) -> None:
     ratio = audited()[:, predicted] / audited()[:, true]

@@ -35,24 +35,39 @@ SAME: Final = 1e-9  # of the length, and of a quaternion
 def as_motions(problem: Problem, weight: float) -> Motions | None:
     """A problem as motions that never leave their start; None unless it is a rod that the peers are set up for.
 
-    That is one without stretch and straight when free, in clamps along a level chord that stand as those of the moving rods.
+    That is one from a level clamp to a hinge, or to a clamp that stands as one of the moving rods, in the air or over one smooth floor. The
+    first clamp becomes the origin.
 
     Args:
         problem: Static.
         weight: [N/m].
     """
     cable, held = problem.cable, problem.grasps
-    if cable.bending is None or cable.twist is None or held.hold != (Hold.CLAMP, Hold.CLAMP) or problem.contacts is not None:
+    if cable.bending is None or cable.twist is None or len(held.s) != 2 or held.hold[0] is not Hold.CLAMP:
         return None
-    if any(value is not None for value in (cable.stretch, cable.natural_curvature, cable.bending_2)):
+    place, floor = held.position - held.position[0], _floor(problem)
+    if problem.contacts is not None and floor is None:
         return None
-    if np.abs(held.position[0]).max() > SAME * cable.length or np.abs(held.position[1, 1:]).max() > SAME * cable.length:
+    bent, is_hinged = cable.natural_curvature or (0.0, 0.0, 0.0), held.hold[1] is Hold.HINGE
+    rod = Rod(cable.bending, cable.twist, cable.length, weight, cable.bending_2, bent, cable.stretch)
+    is_level, is_turned = (
+        np.abs(np.abs(np.einsum("ij,ij->i", held.quaternion, [LEVEL.as_quat(), far.as_quat()])) - 1.0).max() < SAME
+        for far in (LEVEL, far_frame(1.0))
+    )
+    if not is_level and not is_turned:
         return None
-    rod = Rod(cable.bending, cable.twist, cable.length, weight)
-    for is_planar, far in ((True, LEVEL), (False, far_frame(1.0))):
-        if np.abs(np.abs(np.einsum("ij,ij->i", held.quaternion, [LEVEL.as_quat(), far.as_quat()])) - 1.0).max() < SAME:
-            return Motions(cable.name, rod, is_planar, held.position[None], held.quaternion[None])
-    return None
+    is_planar = bool(is_level and abs(place[1, 1]) < SAME * cable.length) and not any(bent) and cable.bending_2 is None
+    return Motions(cable.name, rod, is_planar, place[None], held.quaternion[None], is_hinged=is_hinged, floor=floor)
+
+
+def _floor(problem: Problem) -> float | None:
+    """Height [m] over the first clamp of an axis that lies on a smooth floor, if that is all that the cable may touch."""
+    met = problem.contacts
+    if met is None:
+        return None
+    heights = met.point[:, 2] + met.distance
+    is_floor = np.ptp(heights) == 0.0 and (met.normal == (0.0, 0.0, 1.0)).all() and not met.friction.any()
+    return float(heights[0] - problem.grasps.position[0, 2]) if is_floor else None
 
 
 class Near:
@@ -63,8 +78,8 @@ class Near:
         self._frames = Slerp(0.5 * (shape.s[1:] + shape.s[:-1]), Rotation.from_quat(shape.frames))
 
     def positions(self, s: np.ndarray) -> np.ndarray:
-        """(n, 3) [m] Points of the axis."""
-        return np.column_stack([np.interp(s, self._shape.s, column) for column in self._shape.nodes.T])
+        """(n, 3) [m] Points of the axis, from its first."""
+        return np.column_stack([np.interp(s, self._shape.s, column) for column in (self._shape.nodes - self._shape.nodes[0]).T])
 
     def frames(self, s: np.ndarray) -> np.ndarray:
         """(n, 4) Quaternions of the sections."""

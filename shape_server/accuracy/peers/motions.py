@@ -15,9 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+
+from protocol.scene import Vector
 
 G = 9.81  # m/s^2
 MOTIONS = 200
@@ -29,19 +32,32 @@ END_TWIST = np.pi  # rad, of the spatial rod's far clamp about its tangent
 LEVEL = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # d1 up, d3 along x
 
 
+class Need(StrEnum):
+    """What not every program can do; the values go into sentences."""
+
+    HINGE = "a hinge"
+    FLAT = "two bending stiffnesses"
+    BENT = "a shape when free that is not straight"
+    STRETCH = "a given stretch"
+    FLOOR = "a floor"
+
+
 @dataclass(frozen=True)
 class Rod:
-    """A uniform, inextensible, naturally straight rod."""
+    """A uniform rod; inextensible, round and straight when free unless it says otherwise."""
 
-    bending: float  # N m^2, EI
+    bending: float  # N m^2, EI, about the first axis of the section
     twist: float  # N m^2, GJ
     length: float = 1.0  # m
     weight: float = 1.0  # N/m
+    bending_2: float | None = None  # N m^2, about the second axis; None for the same
+    bent: Vector = (0.0, 0.0, 0.0)  # 1/m, curvatures about both axes, and twist, when free
+    stretch: float | None = None  # N, EA
 
 
 @dataclass(frozen=True)
 class Motions:
-    """A rod clamped at both ends, and where its clamps are after every motion; row 0 is where they start, and where they end."""
+    """A rod held at both ends, clamped at the first, and where its clamps are after every motion; row 0 is where they start, and end."""
 
     name: str
     rod: Rod
@@ -49,6 +65,21 @@ class Motions:
     position: np.ndarray  # (201, 2, 3) m
     quaternion: np.ndarray  # (201, 2, 4)
     end_twist: float = 0.0  # rad, whole or half turns of the far clamp that its pose does not tell
+    is_hinged: bool = False  # at the far end
+    floor: float | None = None  # m, height of the axis where it lies on a smooth floor
+
+    @property
+    def needs(self) -> frozenset[Need]:
+        """What a program must know beyond round, inextensible, straight rods in two clamps."""
+        rod = self.rod
+        asked = {
+            Need.HINGE: self.is_hinged,
+            Need.FLAT: rod.bending_2 is not None,
+            Need.BENT: any(rod.bent),
+            Need.STRETCH: rod.stretch is not None,
+            Need.FLOOR: self.floor is not None,
+        }
+        return frozenset(need for need, is_asked in asked.items() if is_asked)
 
 
 @dataclass(frozen=True)
@@ -80,6 +111,11 @@ def spatial_motions(bending: float = 3e-3) -> Motions:
     away = LOOP_RADIUS * (np.outer(np.sin(turn), across) + np.outer(1 - np.cos(turn), up))
     swing = Rotation.from_rotvec(np.outer(SWING * np.sin(2 * turn), (0.48, -0.64, 0.6)))
     return _motions(f"spatial, EI = {bending:g}", Rod(bending, 0.8 * bending), far_frame(1.0), away, swing, is_planar=False)
+
+
+def element(motions: Motions, segments: int) -> float:
+    """Length [m] of elements that lie astride the clamps, half before and half behind, and end at a hinge."""
+    return motions.rod.length / (segments - 0.5 if motions.is_hinged else segments)
 
 
 def approach(motions: Motions, count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -3,7 +3,7 @@
 How it is set up, and why (user documentation of 4.0.0, "Rods" and "flex/elasticity", and what was measured here):
 
 - The clamped edges lie astride the ends of the cable, half a segment before and half behind, which makes the clamp second order; an edge
-  that begins at the end makes it first order. So the rod has one edge more than the cable has segments.
+  that begins at the end makes it first order. So the rod has one edge more than the cable has segments. At a hinge the last vertex is held.
 - Each clamp is a mocap body that carries two vertices, hence a raw `flex`, whose twist joints must be declared with their names. Mocap
   allows no elastic damping; drag on the nodes is refused in the file ("cannot have joint damping") but accepted in the compiled
   model, where it is implicit. It does not move the equilibrium.
@@ -21,13 +21,14 @@ from typing import Any
 import numpy as np
 
 from .collocation import Solved
-from .motions import LEVEL, G, Motions, Rod, approach
+from .motions import LEVEL, G, Motions, Need, Rod, approach, element
 
 NAME = "MuJoCo 4 flex rod"
 DISTRIBUTION, VERSION = "mujoco", (4, 0)
 INSTALL = "Install it with pip install 'mujoco>=4.0'."
 REMEMBERS = True
 FROM_STRAIGHT = True  # is led to where it starts
+CAN = frozenset([Need.HINGE])
 
 RADIUS = 3e-3  # m
 SCALAR_FIRST = [3, 0, 1, 2]
@@ -78,11 +79,11 @@ def prepare(motions: Motions, _first: Solved, setting: Setting) -> Relaxation:
     import mujoco
 
     mujoco.set_mju_user_warning(lambda _text: None)  # one iteration leaves the smooth acceleration rough, and it says so
-    model = mujoco.MjModel.from_xml_string(_model(motions.rod, setting))
+    model = mujoco.MjModel.from_xml_string(_model(motions, setting))
     nodes = 3 * (setting.segments - 2)
     model.dof_damping[:nodes] = setting.drag * np.repeat(model.body_mass[3 : setting.segments + 1], 3)
     model.dof_damping[nodes:] = setting.drag * model.body_inertia[setting.segments + 1 :, 0]
-    relaxation = Relaxation(mujoco.mj_step, model, mujoco.MjData(model), motions.rod, setting)
+    relaxation = Relaxation(mujoco.mj_step, model, mujoco.MjData(model), element(motions, setting.segments), setting)
     poses = list(approach(motions, 100))
     for position, quaternion in poses:
         relaxation.hold(position, quaternion)
@@ -98,13 +99,13 @@ class Relaxation:
     mj_step: Any
     model: Any
     data: Any
-    rod: Rod
+    element: float  # m
     setting: Setting
 
     @property
     def s(self) -> np.ndarray:
         """(n,) [m] Arc lengths of the nodes that are free."""
-        return (np.arange(1, self.setting.segments - 1) + 0.5) * self.rod.length / self.setting.segments
+        return (np.arange(1, self.setting.segments - 1) + 0.5) * self.element
 
     def hold(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the clamps to (2, 3) [m] and (2, 4)."""
@@ -115,12 +116,12 @@ class Relaxation:
         """Nodes (n, 3) [m] after the clamps have moved."""
         self.hold(position, quaternion)
         self.mj_step(self.model, self.data, self.setting.steps)
-        return np.array(self.data.flexvert_xpos[2:-2])
+        return np.array(self.data.flexvert_xpos[2 : self.setting.segments])
 
 
-def _model(rod: Rod, setting: Setting) -> str:
+def _model(motions: Motions, setting: Setting) -> str:
     """MJCF of the rod, straight along x between two mocap bodies whose third axis is the tangent."""
-    count, h = setting.segments, rod.length / setting.segments
+    rod, count, h = motions.rod, setting.segments, element(motions, setting.segments)
     mass = rod.weight / G * h
     polar = mass * RADIUS**2 / 2
     young, shear = rod.bending / (np.pi * RADIUS**4 / 4), rod.twist / (np.pi * RADIUS**4 / 2)
@@ -132,12 +133,15 @@ def _model(rod: Rod, setting: Setting) -> str:
     )
     twists = "".join(
         f'<body name="rod_twist_{i}"><inertial pos="0 0 0" mass="1e-9" diaginertia="{polar:.9g} {polar:.9g} {polar:.9g}"/>'
-        f'<joint name="rod_twist_{i}" axis="1 0 0"/></body>'
-        for i in range(1, count)
+        f'<joint name="rod_twist{f"_{i}" if i else ""}" axis="1 0 0"/></body>'
+        for i in range(0 if motions.is_hinged else 1, count)
     )
-    vertices = np.zeros((count + 2, 3))  # in the frames of their bodies
-    vertices[[0, count], 2], vertices[[1, count + 1], 2] = -h / 2, h / 2
-    bodies = " ".join(["start start", *(f"node_{i}" for i in range(2, count)), "end end"])
+    held = 1 if motions.is_hinged else 2  # vertices at the far end
+    vertices = np.zeros((count + held, 3))  # in the frames of their bodies
+    vertices[0, 2], vertices[1, 2] = -h / 2, h / 2
+    if held == 2:
+        vertices[-2, 2], vertices[-1, 2] = -h / 2, h / 2
+    bodies = " ".join(["start start", *(f"node_{i}" for i in range(2, count)), *["end"] * held])
     level = " ".join(f"{value:.17g}" for value in LEVEL.as_quat()[SCALAR_FIRST])
     return f"""<mujoco>
 <option timestep="{setting.step:g}" gravity="0 0 {-G}" integrator="discrete" solver="Newton" jacobian="sparse" iterations="1"
@@ -145,6 +149,6 @@ def _model(rod: Rod, setting: Setting) -> str:
 <worldbody><body name="start" mocap="true" quat="{level}"/>
 <body name="end" mocap="true" pos="{rod.length:g} 0 0" quat="{level}"/>{nodes}{twists}</worldbody>
 <deformable><flex name="rod" dim="1" radius="{RADIUS:g}" body="{bodies}"
- vertex="{" ".join(f"{value:.15g}" for value in vertices.ravel())}" element="{" ".join(f"{i} {i + 1}" for i in range(count + 1))}">
+ vertex="{" ".join(f"{value:.15g}" for value in vertices.ravel())}" element="{" ".join(f"{i} {i + 1}" for i in range(count + held - 1))}">
 <elasticity young="{young:.15g}" shear="{shear:.15g}"/></flex></deformable>
 <equality><flex flex="rod" solref="0.0001 1" solimp="0.9999 0.9999"/></equality></mujoco>"""
