@@ -175,7 +175,8 @@ def _at_rest(peer: ModuleType, static: Static, motions: Motions, there: Points) 
     origin = static.problem.grasps.position[0]  # of the motions
 
     def exact(s: np.ndarray) -> np.ndarray:
-        return there(s) - origin
+        moved: np.ndarray = there(s) - origin
+        return moved
 
     known = [exact] if motions.is_planar or motions.needs else [exact, at_start(motions).positions]
     for one, nodes in at_rest.rested(peer, motions, near, known):
