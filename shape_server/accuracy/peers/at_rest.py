@@ -35,8 +35,8 @@ SAME: Final = 1e-9  # of the length, and of a quaternion
 def as_motions(problem: Problem, weight: float) -> Motions | None:
     """A problem as motions that never leave their start; None unless it is a rod that the peers are set up for.
 
-    That is one from a level clamp to a hinge, or to a clamp that stands as one of the moving rods, in the air or over one smooth floor. The
-    first clamp becomes the origin.
+    That is one from a level clamp to a clamp that stands as one of the moving rods, or in a plane to a hinge, in the air or over one smooth
+    floor. The first clamp becomes the origin.
 
     Args:
         problem: Static.
@@ -57,6 +57,8 @@ def as_motions(problem: Problem, weight: float) -> Motions | None:
     if not is_level and not is_turned:
         return None
     is_planar = bool(is_level and abs(place[1, 1]) < SAME * cable.length) and not any(bent) and cable.bending_2 is None
+    if is_hinged and not is_planar:
+        return None
     return Motions(cable.name, rod, is_planar, place[None], held.quaternion[None], is_hinged=is_hinged, floor=floor)
 
 

@@ -3,7 +3,8 @@
 How it is set up, and why (user documentation of 4.0.0, "Rods" and "flex/elasticity", and what was measured here):
 
 - The clamped edges lie astride the ends of the cable, half a segment before and half behind, which makes the clamp second order; an edge
-  that begins at the end makes it first order. So the rod has one edge more than the cable has segments. At a hinge the last vertex is held.
+  that begins at the end makes it first order. So the rod has one edge more than the cable has segments. A hinge holds the last vertex; the
+  first edge then needs a twist joint too, so that it is held in a plane only.
 - Each clamp is a mocap body that carries two vertices, hence a raw `flex`, whose twist joints must be declared with their names. Mocap
   allows no elastic damping; drag on the nodes is refused in the file ("cannot have joint damping") but accepted in the compiled
   model, where it is implicit. It does not move the equilibrium.
