@@ -1,21 +1,49 @@
-"""The kernels for edges beyond the one that is touched, see `edges`: pairs that a contact could slide on to, and how far edges go on."""
+"""The kernels for edges beyond the one that is touched, see `edges`: pairs that a contact could slide on to, and how far edges go on.
+
+`find` is the whole search in one call.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .distances import kernel, length, minus, rotation, row, turned, turned_back
-from .edges import SLIDE, EdgeTable
-from .hits import EDGE, FACE, VERTEX
-from .pairs import triple
+from .distances import kernel, leaf, length, minus, rotation, row, turned, turned_back
+from .edges import CLOSE, SLIDE, EdgeTable
+from .hits import EDGE, FACE, VERTEX, find_hits
+from .pairs import columns, triple
+from .skin import Lists
+from .surface import Features, edge_end
 
 
 @kernel
-def add_edges_beyond(table: EdgeTable, hits: np.ndarray, found: int, poses: np.ndarray, close: float) -> int:
+def find(
+    features: Features,
+    table: EdgeTable,
+    known: Lists,
+    nodes: np.ndarray,
+    poses: np.ndarray,
+    radius: float,
+    reach: float,
+    excluded: np.ndarray,
+    capacity: int,
+) -> tuple[int, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """All pairs within reach: how many, clearance (n-1,), extents (m, 2) and the arrays of `pairs.columns`.
+
+    Arguments as for `find_hits`; more pairs than the capacity say how much room is needed, and nothing else.
+    """
+    own, hits, clearance = find_hits(features, known, nodes, poses, radius, radius + reach, excluded, capacity)
+    count = add_edges_beyond(features, table, hits, own, poses, radius + CLOSE) if own <= capacity else own
+    found = hits[: count if count <= capacity else 0]
+    return count, clearance, extents(features, table, found, poses), columns(found, own, radius)
+
+
+@leaf
+def add_edges_beyond(features: Features, table: EdgeTable, hits: np.ndarray, found: int, poses: np.ndarray, close: float) -> int:
     """Write a pair for every edge that leaves a vertex touched, or an end of the edge touched within `SLIDE` of the place.
 
     Args:
-        table: Edges of all surfaces.
+        features: All surfaces.
+        table: Their edges.
         hits: Pairs; the first `found` are given, by body and along the cable, and there may be room for more.
         found: How many.
         poses: (b, 7) of the surfaces.
@@ -24,35 +52,35 @@ def add_edges_beyond(table: EdgeTable, hits: np.ndarray, found: int, poses: np.n
     Returns:
         How many pairs there are now; beyond the length of `hits`, how much room is needed at most.
     """
-    total = found
+    total, ends, surfaces = found, features.edge_ends, features.surfaces
     for touched in range(found):
         if hits[touched].feature == FACE or hits[touched].is_crossing != 0 or hits[touched].distance >= close:
             continue
         is_vertex, name, body = hits[touched].feature == VERTEX, hits[touched].feature_id, hits[touched].body
-        own = -1 if is_vertex else table.first_edge[body] + name
+        own = -1 if is_vertex else surfaces[body].first_edge + name
         place = turned_back(rotation(poses[body]), minus(triple(hits[touched].point), row(poses, body)))
         for end in range(1 if is_vertex else 2):
-            if not is_vertex and length(minus(row(table.ends[own], end), place)) >= SLIDE:
+            if not is_vertex and length(minus(edge_end(ends, own, end), place)) >= SLIDE:
                 continue
-            vertex = table.first_vertex[body] + name if is_vertex else table.vertex[own, end]
+            vertex = surfaces[body].first_vertex + name if is_vertex else table.vertex[own, end]
             for edge in table.leaving[table.first_leaving[vertex] : table.first_leaving[vertex + 1]]:
-                if edge == own or _is_known(hits, found, min(total, len(hits)), touched, edge - table.first_edge[body]):
+                if edge == own or _is_known(hits, found, min(total, len(hits)), touched, edge - surfaces[body].first_edge):
                     continue
                 if total < len(hits):
                     hits[total] = hits[touched]
-                    _put_on_edge(table, hits, total, edge, 0 if table.vertex[edge, 0] == vertex else 1, poses)
+                    _put_on_edge(ends, surfaces[body].first_edge, hits, total, edge, 0 if table.vertex[edge, 0] == vertex else 1, poses)
                 total += 1
     return total
 
 
-@kernel
-def _put_on_edge(table: EdgeTable, hits: np.ndarray, pair: int, edge: int, end: int, poses: np.ndarray) -> None:
+@leaf
+def _put_on_edge(ends: np.ndarray, first_edge: int, hits: np.ndarray, pair: int, edge: int, end: int, poses: np.ndarray) -> None:
     """Move a pair to an end of an edge of the same surface."""
     body = hits[pair].body
-    axes, low, high = rotation(poses[body]), row(table.ends[edge], 0), row(table.ends[edge], 1)
+    axes, low, high = rotation(poses[body]), edge_end(ends, edge, 0), edge_end(ends, edge, 1)
     along, size = minus(high, low), length(minus(high, low))
     point = turned(axes, low if end == 0 else high)
-    hits[pair].feature, hits[pair].feature_id = EDGE, edge - table.first_edge[body]
+    hits[pair].feature, hits[pair].feature_id = EDGE, edge - first_edge
     hits[pair].point[0], hits[pair].point[1], hits[pair].point[2] = (
         poses[body, 0] + point[0],
         poses[body, 1] + point[1],
@@ -63,7 +91,7 @@ def _put_on_edge(table: EdgeTable, hits: np.ndarray, pair: int, edge: int, end: 
     )
 
 
-@kernel
+@leaf
 def _is_known(hits: np.ndarray, found: int, total: int, touched: int, name: int) -> bool:
     """Does the segment of a pair have one with that edge already? Pairs are in order, so that only its neighbours are looked at."""
     segment, body = hits[touched].segment, hits[touched].body
@@ -77,14 +105,14 @@ def _is_known(hits: np.ndarray, found: int, total: int, touched: int, name: int)
 
 
 @kernel
-def extents(table: EdgeTable, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
+def extents(features: Features, table: EdgeTable, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """How far the edges of pairs go on from their points, back and ahead (m, 2) [m]; zero for other features."""
-    out = np.zeros((len(hits), 2))
+    out, ends, surfaces = np.zeros((len(hits), 2)), features.edge_ends, features.surfaces
     for pair in range(len(hits)):
         if hits[pair].feature == EDGE:
             body = hits[pair].body
-            edge = table.first_edge[body] + hits[pair].feature_id
-            axes, low, high = rotation(poses[body]), row(table.ends[edge], 0), row(table.ends[edge], 1)
+            edge = surfaces[body].first_edge + hits[pair].feature_id
+            axes, low, high = rotation(poses[body]), edge_end(ends, edge, 0), edge_end(ends, edge, 1)
             apart = minus(turned(axes, low), minus(triple(hits[pair].point), row(poses, body)))
             direction = triple(hits[pair].direction)
             back = apart[0] * direction[0] + apart[1] * direction[1] + apart[2] * direction[2]

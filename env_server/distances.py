@@ -23,6 +23,7 @@ from numba import njit
 Triple = tuple[float, float, float]
 Function = TypeVar("Function", bound=Callable[..., object])
 
+OPTIONS: Final[dict[str, Any]] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": True}
 POINT: Final = 1e-30  # m^2, squared length below which a segment counts as a point
 PARALLEL: Final = 1e-8  # squared sine of the angle below which two segments count as nearly parallel
 ROUNDING: Final = 1e-12  # m, what rounding may do to a coordinate; overlap of neighbouring features, so that no gap opens
@@ -30,43 +31,48 @@ ROUNDING: Final = 1e-12  # m, what rounding may do to a coordinate; overlap of n
 
 def kernel(function: Function) -> Function:
     """Compile on first use, without an entry point for C; division by zero gives infinity, as in numpy."""
-    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    compiled: Any = njit(**options)(function)
+    compiled: Any = njit(**OPTIONS)(function)
     return cast(Function, compiled)
 
 
-@kernel
+def leaf(function: Function) -> Function:
+    """Compile what makes no array and returns none: it counts no references, which takes as long as the arithmetic does."""
+    compiled: Any = njit(**{**OPTIONS, "_nrt": False})(function)
+    return cast(Function, compiled)
+
+
+@leaf
 def row(rows: np.ndarray, index: int) -> Triple:
     """Row of a (m, 3) array as a triple."""
     # A triple stays in registers; a view of the array would count references with atomic instructions.
     return (rows[index, 0], rows[index, 1], rows[index, 2])
 
 
-@kernel
+@leaf
 def minus(a: Triple, b: Triple) -> Triple:
     """Difference a - b."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
-@kernel
+@leaf
 def ahead(a: Triple, direction: Triple, fraction: float) -> Triple:
     """Point a + fraction * direction."""
     return (a[0] + fraction * direction[0], a[1] + fraction * direction[1], a[2] + fraction * direction[2])
 
 
-@kernel
+@leaf
 def dot(a: Triple, b: Triple) -> float:
     """Scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@leaf
 def cross(a: Triple, b: Triple) -> Triple:
     """Vector product a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@kernel
+@leaf
 def point_segment(point: Triple, start: Triple, end: Triple) -> float:
     """Fraction along the segment of its point closest to `point`."""
     along = minus(end, start)
@@ -76,14 +82,14 @@ def point_segment(point: Triple, start: Triple, end: Triple) -> float:
     return min(max(dot(minus(point, start), along) / square, 0.0), 1.0)
 
 
-@kernel
+@leaf
 def squared_gap(a: Triple, along_a: Triple, t: float, b: Triple, along_b: Triple, u: float) -> float:
     """Squared distance between a + t along_a and b + u along_b, in m^2."""
     apart = minus(ahead(a, along_a, t), ahead(b, along_b, u))
     return dot(apart, apart)
 
 
-@kernel
+@leaf
 def segment_segment(a0: Triple, a1: Triple, b0: Triple, b1: Triple) -> tuple[float, float]:
     """Fractions (t, u) along a and b of their closest points.
 
@@ -116,7 +122,7 @@ def segment_segment(a0: Triple, a1: Triple, b0: Triple, b1: Triple) -> tuple[flo
     return t, u
 
 
-@kernel
+@leaf
 def is_over(point: Triple, a: Triple, b: Triple, c: Triple, normal: Triple) -> bool:
     """Does the point, moved along the normal of triangle (a, b, c), land inside it or on its rim?"""
     return (
@@ -126,7 +132,7 @@ def is_over(point: Triple, a: Triple, b: Triple, c: Triple, normal: Triple) -> b
     )
 
 
-@kernel
+@leaf
 def point_triangle(point: Triple, a: Triple, b: Triple, c: Triple) -> Triple:
     """Point of triangle (a, b, c) closest to `point`."""
     normal = cross(minus(b, a), minus(c, a))
@@ -147,7 +153,7 @@ def point_triangle(point: Triple, a: Triple, b: Triple, c: Triple) -> Triple:
     return best
 
 
-@kernel
+@leaf
 def segment_triangle(start: Triple, end: Triple, a: Triple, b: Triple, c: Triple) -> tuple[float, Triple]:
     """Fraction along the segment and point of the triangle (a, b, c) that are closest to each other.
 
@@ -177,7 +183,7 @@ def segment_triangle(start: Triple, end: Triple, a: Triple, b: Triple, c: Triple
     return best_fraction, best_point
 
 
-@kernel
+@leaf
 def point_box(point: Triple, box: np.ndarray) -> float:
     """Distance in m from a point to a box (6,) of least and greatest corner; zero inside."""
     square = 0.0
@@ -186,7 +192,7 @@ def point_box(point: Triple, box: np.ndarray) -> float:
     return float(square**0.5)
 
 
-@kernel
+@leaf
 def is_in_cone(away: Triple, distance: float, rows: np.ndarray, first: int, last: int) -> bool:
     """Is away . row <= 0 for rows first to last, to within a nanoradian and a picometre?"""
     slack = 1e-9 * distance + ROUNDING
@@ -196,7 +202,7 @@ def is_in_cone(away: Triple, distance: float, rows: np.ndarray, first: int, last
     return True
 
 
-@kernel
+@leaf
 def enters_cone(start: Triple, end: Triple, slack: float, planes: np.ndarray, first: int, last: int) -> bool:
     """Is a point of the segment at most `slack` above all planes (., 4) from first to last?"""
     low, high = 0.0, 1.0
@@ -212,13 +218,13 @@ def enters_cone(start: Triple, end: Triple, slack: float, planes: np.ndarray, fi
     return low <= high + 1e-9
 
 
-@kernel
+@leaf
 def length(a: Triple) -> float:
     """Length |a|."""
     return float(dot(a, a) ** 0.5)
 
 
-@kernel
+@leaf
 def total(rows: np.ndarray) -> float:
     """Sum of all numbers of an array with two dimensions."""
     found = 0.0
@@ -228,7 +234,7 @@ def total(rows: np.ndarray) -> float:
     return found
 
 
-@kernel
+@leaf
 def shortest(poses: np.ndarray) -> float:
     """Length of the shortest quaternion of poses (b, 7); infinite without one."""
     found = np.inf
@@ -238,7 +244,7 @@ def shortest(poses: np.ndarray) -> float:
     return found
 
 
-@kernel
+@leaf
 def rotation(pose: np.ndarray) -> tuple[Triple, Triple, Triple]:
     """Axes of a body with pose (7,) in the world, from its quaternion x, y, z, w in places 3 to 6."""
     x, y, z, w = pose[3], pose[4], pose[5], pose[6]
@@ -250,13 +256,13 @@ def rotation(pose: np.ndarray) -> tuple[Triple, Triple, Triple]:
     )
 
 
-@kernel
+@leaf
 def turned(axes: tuple[Triple, Triple, Triple], a: Triple) -> Triple:
     """Vector a of the body's frame in the world's."""
     return ahead(ahead(ahead((0.0, 0.0, 0.0), axes[0], a[0]), axes[1], a[1]), axes[2], a[2])
 
 
-@kernel
+@leaf
 def turned_back(axes: tuple[Triple, Triple, Triple], a: Triple) -> Triple:
     """Vector a of the world's frame in the body's."""
     return (dot(axes[0], a), dot(axes[1], a), dot(axes[2], a))

@@ -23,12 +23,9 @@ NEIGHBOURS: Final = 6  # edges at one vertex that are compared
 
 
 class EdgeTable(NamedTuple):
-    """All edges of joined surfaces, by the vertices that they leave."""
+    """The edges of joined surfaces, by the vertices that they leave."""
 
-    ends: np.ndarray  # (e, 2, 3) m, in the frame of the surface
     margins: np.ndarray  # (e, 2) m, how far the line is followed past the first and the last end
-    first_edge: np.ndarray  # (b+1,) of every surface
-    first_vertex: np.ndarray  # (b+1,) of every surface
     vertex: np.ndarray  # (e, 2) int, vertex at the first and the last end
     leaving: np.ndarray  # (.,) int, edges by vertex
     first_leaving: np.ndarray  # (v+1,) row of every vertex in `leaving`
@@ -37,8 +34,9 @@ class EdgeTable(NamedTuple):
 def edge_table(features: Features) -> EdgeTable:
     """The table for joined surfaces."""
     ends, count = features.edge_ends, len(features.edge_ends)
-    body_of_edge = np.repeat(np.arange(len(features.first_edge) - 1), np.diff(features.first_edge))
-    body_of_vertex = np.repeat(np.arange(len(features.first_vertex) - 1), np.diff(features.first_vertex))
+    bodies = np.arange(len(features.surfaces) - 1)
+    body_of_edge = np.repeat(bodies, np.diff(features.surfaces["first_edge"]))
+    body_of_vertex = np.repeat(bodies, np.diff(features.surfaces["first_vertex"]))
     corners = ends.transpose(1, 0, 2).reshape(-1, 3)
     places = np.vstack([np.column_stack([body_of_vertex, features.vertices]), np.column_stack([np.tile(body_of_edge, 2), corners])])
     _, number = np.unique(places, axis=0, return_inverse=True)
@@ -52,9 +50,7 @@ def edge_table(features: Features) -> EdgeTable:
     order = order[np.tile(is_sharp, 2)[order]]
     first_leaving = np.searchsorted(vertex[order], np.arange(vertices + 1))
     margins = edge_margins(ends, vertex) if count else np.zeros((0, 2))
-    firsts = (features.first_edge, features.first_vertex)
-    vertex = vertex.reshape(2, count).T
-    return EdgeTable(ends, margins, *firsts, vertex, order % max(count, 1), first_leaving)
+    return EdgeTable(margins, vertex.reshape(2, count).T, order % max(count, 1), first_leaving)
 
 
 def _is_sharp(features: Features) -> np.ndarray:

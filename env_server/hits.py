@@ -18,6 +18,7 @@ from .distances import (
     enters_cone,
     is_in_cone,
     kernel,
+    leaf,
     length,
     minus,
     point_box,
@@ -29,11 +30,10 @@ from .distances import (
     turned_back,
 )
 from .pairs import PAIR, measure, report, sorted_along, triple
-from .skin import ALL, FACE_BIT, FIRST_EDGE, FIRST_VERTEX, ROOM, Lists, Tree, gather_listed, holds, renew
+from .skin import ALL, FACE_BIT, FIRST_EDGE, FIRST_VERTEX, ROOM, Lists, Tree, holds, recalled, renew
 from .surface import Features, edge_end, height, hides, is_beside, plane_normal
-from .tree import gather
+from .tree import BLOCK, bounding_spheres, gather
 
-BLOCK: Final = 8  # segments that share a bounding sphere
 CORE: Final = 1e-9  # m, distance below which the axis touches the surface
 SNAP: Final = 1e-9  # fraction of a segment within which a point counts as its node
 FACE, EDGE, VERTEX = (int(feature) for feature in Feature)
@@ -66,14 +66,14 @@ def find_hits(
     features: Features, known: Lists, nodes: np.ndarray, poses: np.ndarray, radius: float, limit: float, excluded: np.ndarray, capacity: int
 ) -> tuple[int, np.ndarray, np.ndarray]:
     """Search all bodies, with lists that are kept up or with `no_lists`; a count beyond the capacity says how much room is needed."""
-    count, found, hits, spheres = len(nodes) - 1, 0, np.empty(capacity, PAIR), _bounding_spheres(nodes)
+    count, found, hits, spheres = len(nodes) - 1, 0, np.empty(capacity, PAIR), bounding_spheres(nodes)
     clearance, local = np.full(count, limit), np.empty((count + 1, 3))
     for body in range(len(poses)):
         axes, origin, begin = rotation(poses[body]), row(poses, body), found
         in_reach = np.zeros(count, np.bool_)
         for block in range(len(spheres)):
             centre = turned_back(axes, minus(row(spheres, block), origin))
-            if point_box(centre, features.boxes[features.first_box[body]]) < spheres[block, 3] + limit:
+            if point_box(centre, features.boxes[features.surfaces[body].first_box]) < spheres[block, 3] + limit:
                 first, last = block * BLOCK, min((block + 1) * BLOCK, count)
                 in_reach[first:last] = True
                 for node in range(first, last + 1):
@@ -103,40 +103,41 @@ def _search_body(
     found: int,
 ) -> int:
     """All pairs between the segments in reach and one body, in its frame."""
-    triangles = (features.first_triangle[body], features.first_triangle[body + 1] - features.first_triangle[body])
-    boxes, depth = features.boxes[features.first_box[body] : features.first_box[body + 1]], features.depths[body]
+    surface, next_surface = features.surfaces[body], features.surfaces[body + 1]
+    triangles = (surface.first_triangle, next_surface.first_triangle - surface.first_triangle)
+    boxes, depth = features.boxes[surface.first_box : next_surface.first_box], surface.depth
     stack, near, masks = np.empty(64, np.int64), np.empty(triangles[1], np.int64), np.empty(ROOM, np.int32)
     tree = Tree(boxes, depth, triangles, near, masks, stack)
     raw, count = np.empty(len(hits), PAIR), 0
     # Arrays by themselves: a call that is given all of them takes longer than what it does.
-    planes, keeps_lists, known_boxes, known_limits, counts = features.planes, len(known.counts) > 0, known.boxes, known.limits, known.counts
+    planes, keeps_lists, narrow = features.planes, len(known.narrow) > 0, known.narrow
     for segment in range(len(in_reach)):
         if not in_reach[segment]:
             continue
         start, end, begin = row(local, segment), row(local, segment + 1), count
         owns_end = segment + 1 == len(in_reach) or not in_reach[segment + 1]
-        if keeps_lists and not holds(known_boxes, known_limits, body, segment, start, end, limit):
-            renew(known, features, tree, body, segment, start, end, limit)
-        listed = counts[body, segment] if keeps_lists else -1
-        if listed == 0:
-            continue
-        if listed > 0:
-            near_count = gather_listed(known, tree, body, segment, start, end, limit)
-        else:
+        near_count = -1
+        if keeps_lists:
+            if holds(narrow, body, segment, start, end, limit):
+                near_count = recalled(narrow, body, segment, near, masks)
+            else:
+                near_count = renew(known, features, tree, body, segment, start, end, limit)
+        is_listed = near_count >= 0
+        if not is_listed:
             near_count = gather(boxes, depth, start, end, limit, triangles, near, stack)
         if near_count == 0:
             continue
         count = _search_near(
             features,
             near[:near_count],
-            masks[: near_count if listed > 0 else 0],
+            masks[: near_count if is_listed else 0],
             Piece(start, end, segment, body, limit, owns_end),
             raw,
             count,
         )
         if count > len(raw):
             return found + 2 * count
-        count = _in_sight(planes, tree, limit, raw, begin, count)
+        count = _in_sight(planes, tree, limit, raw, begin, count, near_count)
     if found + count > len(hits):
         return found + 2 * count
     if count > 0:
@@ -145,31 +146,37 @@ def _search_body(
     return found
 
 
-@kernel
-def _in_sight(planes: np.ndarray, tree: Tree, limit: float, hits: np.ndarray, begin: int, count: int) -> int:
+@leaf
+def _in_sight(planes: np.ndarray, tree: Tree, limit: float, hits: np.ndarray, begin: int, count: int, near_count: int) -> int:
     """Of the pairs of a segment, from `begin` on, keep the nearest and those whose line of sight nothing cuts."""
-    shortest, kept = limit, begin
+    shortest = limit
     for hit in range(begin, count):
         shortest = min(shortest, hits[hit].distance)
-    for hit in range(begin, count):
-        point, distance = triple(hits[hit].point), hits[hit].distance
-        if distance > shortest + CORE:
-            eye = ahead(point, triple(hits[hit].normal), distance)
-            near_count = gather(tree.boxes, tree.depth, eye, point, 0.0, tree.triangles, tree.near, tree.stack)
-            if hides(planes, tree.near[:near_count], eye, point):
-                continue
-        hits[kept] = hits[hit]
-        kept += 1
-    return kept
+    # What is at hand cuts most of those that are cut, and saves the walk; the walk then overwrites it.
+    for is_walked in (False, True):
+        kept = begin
+        for hit in range(begin, count):
+            point, distance = triple(hits[hit].point), hits[hit].distance
+            if distance > shortest + CORE:
+                eye = ahead(point, triple(hits[hit].normal), distance)
+                if is_walked:
+                    near_count = gather(tree.boxes, tree.depth, eye, point, 0.0, tree.triangles, tree.near, tree.stack)
+                if hides(planes, tree.near, near_count, eye, point):
+                    continue
+            if kept < hit:
+                hits[kept] = hits[hit]
+            kept += 1
+        count = kept
+    return count
 
 
-@kernel
+@leaf
 def _search_near(features: Features, near: np.ndarray, masks: np.ndarray, piece: Piece, hits: np.ndarray, count: int) -> int:
     """Pairs of one segment with the features that the triangles `near` look after, those of the masks if there are any."""
     # Calls in this loop cost more than arithmetic: what most triangles fail is tested here.
     planes, own_edges, own_vertices, edge_planes = features.planes, features.own_edges, features.own_vertices, features.edge_planes
     edge_first, vertices, (start, end, limit) = features.edge_first, features.vertices, (piece.start, piece.end, piece.limit)
-    edge_ends, first_edge = features.edge_ends, features.first_edge[piece.body]
+    edge_ends, first_edge = features.edge_ends, features.surfaces[piece.body].first_edge
     vertex_first, vertex_along, slack = features.vertex_first, features.vertex_along, 1e-9 * limit + ROUNDING
     for place, triangle in enumerate(near):
         mask = masks[place] if len(masks) > 0 else ALL
@@ -197,18 +204,18 @@ def _search_near(features: Features, near: np.ndarray, masks: np.ndarray, piece:
                 away = minus(ahead(start, minus(end, start), fraction), point)
                 distance = length(away)
                 if distance < limit and is_in_cone(away, distance, vertex_along, vertex_first[vertex], vertex_first[vertex + 1]):
-                    upward, vertex_id = _upward(planes, triangle, piece), vertex - features.first_vertex[piece.body]
+                    upward, vertex_id = _upward(planes, triangle, piece), vertex - features.surfaces[piece.body].first_vertex
                     count = _record(hits, count, piece, fraction, VERTEX, vertex_id, point, upward, NO_DIRECTION)
     return count
 
 
-@kernel
+@leaf
 def _search_face(
     features: Features, triangle: int, highs: tuple[float, float], starts: Triple, ends: Triple, piece: Piece, hits: np.ndarray, count: int
 ) -> int:
     """Nodes over a triangle and crossings of it, from the heights of both nodes over its plane and inside its sides."""
     start, end, (high_start, high_end), name = piece.start, piece.end, highs, features.triangle_ids[triangle]
-    normal, upward = plane_normal(features.planes, triangle), _upward(features.planes, triangle, piece)
+    normal, upward = plane_normal(features.planes, triangle, 0), _upward(features.planes, triangle, piece)
     if min(starts) >= -ROUNDING:
         count = _record(hits, count, piece, 0.0, FACE, name, ahead(start, normal, -high_start), upward, NO_DIRECTION)
     if min(ends) >= -ROUNDING and piece.owns_end:
@@ -221,15 +228,15 @@ def _search_face(
     return count
 
 
-@kernel
+@leaf
 def _upward(planes: np.ndarray, triangle: int, piece: Piece) -> Triple:
     """Normal of a triangle, to the side of the segment's first node, or of its second if the first is in the plane."""
     high = height(planes, triangle, 0, piece.start)
     high = high if abs(high) > CORE else height(planes, triangle, 0, piece.end)
-    return ahead(NO_DIRECTION, plane_normal(planes, triangle), 1.0 if high >= 0.0 else -1.0)
+    return ahead(NO_DIRECTION, plane_normal(planes, triangle, 0), 1.0 if high >= 0.0 else -1.0)
 
 
-@kernel
+@leaf
 def _search_edge(rim: Rim, edge_planes: np.ndarray, upward: Triple, piece: Piece, hits: np.ndarray, count: int) -> int:
     start, end, low, high = piece.start, piece.end, rim.low, rim.high
     along, edge_along = minus(end, start), minus(high, low)
@@ -249,7 +256,7 @@ def _search_edge(rim: Rim, edge_planes: np.ndarray, upward: Triple, piece: Piece
     return count
 
 
-@kernel
+@leaf
 def _record(
     hits: np.ndarray, count: int, piece: Piece, fraction: float, feature: int, name: int, point: Triple, upward: Triple, direction: Triple
 ) -> int:
@@ -272,24 +279,10 @@ def _record(
     return count + 1
 
 
-@kernel
+@leaf
 def _to_world(hits: np.ndarray, first: int, last: int, axes: tuple[Triple, Triple, Triple], origin: Triple) -> None:
     for hit in hits[first:last]:
         point = ahead(turned(axes, triple(hit.point)), origin, 1.0)
         hit.point[0], hit.point[1], hit.point[2] = point
         hit.normal[0], hit.normal[1], hit.normal[2] = turned(axes, triple(hit.normal))
         hit.direction[0], hit.direction[1], hit.direction[2] = turned(axes, triple(hit.direction))
-
-
-@kernel
-def _bounding_spheres(nodes: np.ndarray) -> np.ndarray:
-    """Centre and radius (., 4) around every `BLOCK` segments."""
-    count = len(nodes) - 1
-    spheres = np.zeros(((count + BLOCK - 1) // BLOCK, 4))
-    for block in range(len(spheres)):
-        first, last = block * BLOCK, min((block + 1) * BLOCK, count)
-        middle = ahead(row(nodes, first), minus(row(nodes, last), row(nodes, first)), 0.5)
-        spheres[block, 0], spheres[block, 1], spheres[block, 2] = middle
-        for node in range(first, last + 1):
-            spheres[block, 3] = max(spheres[block, 3], length(minus(row(nodes, node), middle)))
-    return spheres

@@ -89,7 +89,7 @@ class Primitives:
         own = hits["body"].copy()
         hits["body"] = self._exact[own]
         if previous is not None:
-            keep_normals(hits, previous)
+            keep_normals(hits, hits["is_crossing"], previous)
             _keep_sides(hits, previous)
         is_thin = (self._radii[own] == 0.0) & (hits["feature"] != FACE)
         _give_room(near, hits, own, hits["distance"] - self._radii[own] - radius, radius, is_thin)

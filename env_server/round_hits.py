@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from .distances import PARALLEL, Triple, ahead, cross, dot, kernel, length, minus, rotation, row, segment_segment
+from .distances import PARALLEL, Triple, ahead, cross, dot, kernel, leaf, length, minus, rotation, row, segment_segment
 from .hits import CORE, EDGE, FACE, NO_DIRECTION, SNAP, VERTEX
 from .pairs import PAIR
 
@@ -71,7 +71,7 @@ def find_round_hits(
     return hits[:found], clearance, ends
 
 
-@kernel
+@leaf
 def _add_pairs(
     piece: tuple[Triple, Triple],
     line: tuple[Triple, Triple],
@@ -110,7 +110,7 @@ def _add_pairs(
     return found
 
 
-@kernel
+@leaf
 def _is_known(hits: np.ndarray, found: int, body: int, segment: int, fraction: float) -> bool:
     """Is a place among the last pairs of a body: on this segment, or as the last node of the one before?"""
     for other in range(max(found - 6, 0), found):
@@ -119,7 +119,7 @@ def _is_known(hits: np.ndarray, found: int, body: int, segment: int, fraction: f
     return False
 
 
-@kernel
+@leaf
 def _search_plane(nodes: np.ndarray, body: int, centre: Triple, normal: Triple, limit: float, hits: np.ndarray, found: int) -> int:
     """Every node within reach of a half-space, or inside it. Nothing can pass it: it is known which side is which."""
     for node in range(len(nodes)):
@@ -133,7 +133,7 @@ def _search_plane(nodes: np.ndarray, body: int, centre: Triple, normal: Triple, 
     return found
 
 
-@kernel
+@leaf
 def _write(hits: np.ndarray, at: int, segment: int, fraction: float, body: int, feature: int, point: Triple, normal: Triple) -> None:
     hits[at].segment, hits[at].fraction, hits[at].body = segment, fraction, body
     hits[at].feature, hits[at].feature_id = feature, 0
@@ -142,12 +142,12 @@ def _write(hits: np.ndarray, at: int, segment: int, fraction: float, body: int, 
     hits[at].direction[0], hits[at].direction[1], hits[at].direction[2] = NO_DIRECTION
 
 
-@kernel
+@leaf
 def _distance(start: Triple, end: Triple, fraction: float, low: Triple, high: Triple, part: float) -> float:
     return length(minus(ahead(start, minus(end, start), fraction), ahead(low, minus(high, low), part)))
 
 
-@kernel
+@leaf
 def _across(along: Triple, axis: Triple) -> Triple:
     """A direction square to a segment, and to a line where there is one."""
     square = cross(along, axis)
@@ -157,7 +157,7 @@ def _across(along: Triple, axis: Triple) -> Triple:
     return square if dot(square, square) > 1e-6 * dot(along, along) else cross(along, (1.0, 0.0, 0.0))
 
 
-@kernel
+@leaf
 def _point_tube(point: Triple, centre: Triple, axis: Triple, half: float, radius: float) -> float:
     """Distance of a point to a solid cylinder with flat ends; inside, minus that to its side."""
     away = minus(point, centre)
@@ -169,7 +169,7 @@ def _point_tube(point: Triple, centre: Triple, axis: Triple, half: float, radius
     return float((over * over + max(beside, 0.0) ** 2) ** 0.5)
 
 
-@kernel
+@leaf
 def _to_tube(start: Triple, end: Triple, centre: Triple, axis: Triple, half: float, radius: float) -> float:
     """Least distance of a segment to a solid cylinder with flat ends."""
     along, low, high = minus(end, start), 0.0, 1.0

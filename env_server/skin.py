@@ -9,9 +9,11 @@ touched from inside the box, where
     g(p) = n . p - o   is between g(middle) - r and g(middle) + r,   r = sum_i |n_i| half_i     [m]
 
 A feature is ruled out if a plane of its normal cone, or of its sides, says no in the whole box, or if it is further away than
-the limit. The search itself would have said no to it for every segment inside the box; what is kept is tested there as ever, and
-the leaf of its triangle by the same comparison as in the walk, in the same order. So a list changes no bit of a result, only how
-long it takes to get there.
+the limit. The search itself would have said no to it for every segment inside the box; what is kept is tested there as ever, in the same
+order. So a list changes no bit of a result, only how long it takes to get there.
+
+There are two lists. The wide one is made by a walk down the tree. The next search that finds it still good makes a narrow one out of
+it, for a smaller skin: it names half as many features, and holds for the rounds of one step, in which little moves.
 
 A segment that leaves its box, or that is looked at further than before, gets a new list; so has every segment of a cable with
 another number of nodes. Where more triangles are near than a list has room for, the walk is done every time.
@@ -26,27 +28,30 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from .distances import Triple, kernel, length, minus, point_box, row
-from .surface import Features
-from .tree import gather, meets
+from .distances import Triple, ahead, dot, leaf, length, minus, point_box, row
+from .surface import Features, edge_end, plane_normal
+from .tree import gather
 
-SKIN: Final = 1e-3  # m
-FURTHER: Final = 1e-3  # m, by which lists are made for more than the limit, which changes from step to step
+SKIN: Final = 1e-3  # m, of the wide lists
+NARROW: Final = 2e-4  # m, of the narrow ones
 ROOM: Final = 128  # triangles in a list
 SLACK: Final = 1e-8  # m, by which a test must fail to rule out anything; rounding, and the tolerances of the search, are far below
 FACE_BIT, FIRST_EDGE, FIRST_VERTEX = 1, 2, 16  # features of a triangle; twice as much for the next side or corner
 ALL: Final = 127
 
 
-class Lists(NamedTuple):
-    """For every surface and segment, in arrays that the search writes to."""
+LIST: Final = np.dtype(
+    [("box", np.float64, (6,)), ("limit", np.float64), ("count", np.int64), ("triangles", np.int32, (ROOM,)), ("masks", np.int32, (ROOM,))]
+)
+"""The list of one segment: box [m] in the frame of the body, empty where nothing is listed; distance [m] up to which it holds; how many
+triangles, -1 if they are too many; which, and which of their features may be touched."""
 
-    boxes: np.ndarray  # (b, n-1, 6) m, least and greatest corner in the frame of the body; empty where nothing is listed
-    limits: np.ndarray  # (b, n-1) m, distance up to which a list holds
-    counts: np.ndarray  # (b, n-1) int, triangles; -1 if they are too many
-    triangles: np.ndarray  # (b, n-1, ROOM) int
-    leaves: np.ndarray  # (b, n-1, ROOM) int, in which they are
-    masks: np.ndarray  # (b, n-1, ROOM) int, which of their features may be touched
+
+class Lists(NamedTuple):
+    """Both lists for every surface and segment, arrays (b, n-1) of `LIST` that the search writes to."""
+
+    wide: np.ndarray
+    narrow: np.ndarray
 
 
 class Tree(NamedTuple):
@@ -62,10 +67,9 @@ class Tree(NamedTuple):
 
 def lists(bodies: int, segments: int) -> Lists:
     """Lists in which nothing stands yet."""
-    each = (bodies, segments)
-    boxes = np.concatenate([np.full((*each, 3), np.inf), np.full((*each, 3), -np.inf)], axis=2)
-    room = (np.empty((*each, ROOM), dtype=np.int32) for _ in range(3))
-    return Lists(boxes, np.zeros(each), np.full(each, -1), *room)
+    empty = np.zeros((bodies, segments), dtype=LIST)
+    empty["box"] = [np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf]
+    return Lists(empty.copy(), empty.copy())
 
 
 def no_lists() -> Lists:
@@ -73,43 +77,61 @@ def no_lists() -> Lists:
     return lists(0, 0)
 
 
-@kernel
-def holds(boxes: np.ndarray, limits: np.ndarray, body: int, segment: int, start: Triple, end: Triple, limit: float) -> bool:
-    """Does the list of a segment, with its box and limit in `Lists`, hold for the segment from start to end?"""
+@leaf
+def holds(known: np.ndarray, body: int, segment: int, start: Triple, end: Triple, limit: float) -> bool:
+    """Does the list of a segment hold for the segment from start to end?"""
     # No view of an array where a number does: views count references with atomic instructions.
-    if limit > limits[body, segment]:
+    if limit > known[body, segment].limit:
         return False
     for axis in range(3):
-        if boxes[body, segment, axis] > min(start[axis], end[axis]) or max(start[axis], end[axis]) > boxes[body, segment, axis + 3]:
+        low, high = known[body, segment].box[axis], known[body, segment].box[axis + 3]
+        if low > min(start[axis], end[axis]) or max(start[axis], end[axis]) > high:
             return False
     return True
 
 
-@kernel
-def renew(known: Lists, features: Features, tree: Tree, body: int, segment: int, start: Triple, end: Triple, limit: float) -> None:
-    """Make the list of a segment anew."""
-    boxes = known.boxes
+@leaf
+def recalled(known: np.ndarray, body: int, segment: int, near: np.ndarray, masks: np.ndarray) -> int:
+    """Copy the list of a segment, with its masks, and return how long it is; -1 where there is none."""
+    found = known[body, segment].count
+    for place in range(found):
+        near[place], masks[place] = known[body, segment].triangles[place], known[body, segment].masks[place]
+    return int(found)
+
+
+@leaf
+def renew(known: Lists, features: Features, tree: Tree, body: int, segment: int, start: Triple, end: Triple, limit: float) -> int:
+    """Make a list of a segment anew, the narrow one if the wide one holds, and copy it as `recalled` does."""
+    narrow, wide = known.narrow, known.wide
+    is_narrow = holds(wide, body, segment, start, end, limit)
+    made, skin = (narrow, NARROW) if is_narrow else (wide, SKIN)
     for axis in range(3):
-        boxes[body, segment, axis] = min(start[axis], end[axis]) - SKIN
-        boxes[body, segment, axis + 3] = max(start[axis], end[axis]) + SKIN
-    known.limits[body, segment] = limit + FURTHER
-    # Around the segment by skin and limit: all leaves that a walk from inside the box can find.
-    found = gather(tree.boxes, tree.depth, start, end, limit + FURTHER + SKIN + SLACK, tree.triangles, tree.near, tree.stack)
-    known.counts[body, segment] = _list(known, features, tree, body, segment, found)
+        low, high = min(start[axis], end[axis]) - skin, max(start[axis], end[axis]) + skin
+        made[body, segment].box[axis] = max(low, wide[body, segment].box[axis]) if is_narrow else low
+        made[body, segment].box[axis + 3] = min(high, wide[body, segment].box[axis + 3]) if is_narrow else high
+    if is_narrow:
+        made[body, segment].limit = min(limit + skin, wide[body, segment].limit)
+        found = recalled(wide, body, segment, tree.near, tree.masks)
+    else:
+        made[body, segment].limit = limit + skin
+        # Around the segment by skin and limit: all leaves that a walk from inside the box can find.
+        found = gather(tree.boxes, tree.depth, start, end, limit + 2.0 * skin + SLACK, tree.triangles, tree.near, tree.stack)
+    made[body, segment].count = _list(made, features, tree, body, segment, found) if found > 0 else found
+    return recalled(made, body, segment, tree.near, tree.masks)
 
 
-@kernel
-def _list(known: Lists, features: Features, tree: Tree, body: int, segment: int, found: int) -> int:
+@leaf
+def _list(known: np.ndarray, features: Features, tree: Tree, body: int, segment: int, found: int) -> int:
     """Write those of the triangles found that may matter; return how many, -1 if there is no room for them."""
-    box, limit, count = known.boxes[body, segment], known.limits[body, segment] + SLACK, 0
+    box, limit, count = known[body, segment].box, known[body, segment].limit + SLACK, 0
     middle = (0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), 0.5 * (box[2] + box[5]))
     half = (0.5 * (box[3] - box[0]), 0.5 * (box[4] - box[1]), 0.5 * (box[5] - box[2]))
     for triangle in tree.near[:found]:
-        planes, is_over = features.planes[triangle], True
-        low, high = _range(planes[0], middle, half)
+        is_over = True
+        low, high = _range(plane_normal(features.planes, triangle, 0), features.planes[triangle, 0, 3], middle, half)
         may_matter, is_crossed = low < limit and high > -limit, low <= SLACK and high >= -SLACK
         for side in range(1, 4):
-            _, highest = _range(planes[side], middle, half)
+            _, highest = _range(plane_normal(features.planes, triangle, side), features.planes[triangle, side, 3], middle, half)
             may_matter &= highest > -limit
             is_over &= highest >= -SLACK
         if not may_matter:
@@ -125,42 +147,46 @@ def _list(known: Lists, features: Features, tree: Tree, body: int, segment: int,
             continue
         if count == ROOM:
             return -1
-        known.triangles[body, segment, count] = triangle
-        # Leaf j holds the triangles from j t >> depth on: the inverse of that.
-        known.leaves[body, segment, count] = (((triangle - tree.triangles[0] + 1) << tree.depth) - 1) // tree.triangles[1]
-        known.masks[body, segment, count] = mask
+        known[body, segment].triangles[count], known[body, segment].masks[count] = triangle, mask
         count += 1
     return count
 
 
-@kernel
-def _range(plane: np.ndarray, middle: Triple, half: Triple) -> tuple[float, float]:
-    """Least and greatest height [m] over a plane (4,) inside a box."""
-    at = plane[0] * middle[0] + plane[1] * middle[1] + plane[2] * middle[2] - plane[3]
-    spread = abs(plane[0]) * half[0] + abs(plane[1]) * half[1] + abs(plane[2]) * half[2]
+@leaf
+def _range(normal: Triple, offset: float, middle: Triple, half: Triple) -> tuple[float, float]:
+    """Least and greatest height [m] over a plane inside a box."""
+    at, spread = dot(normal, middle) - offset, abs(normal[0]) * half[0] + abs(normal[1]) * half[1] + abs(normal[2]) * half[2]
     return at - spread, at + spread
 
 
-@kernel
+@leaf
 def _may_touch_edge(features: Features, edge: int, box: np.ndarray, middle: Triple, half: Triple, limit: float) -> bool:
     """Whether a point of the box may be within the limit of an edge, and in its normal cone.
 
     Besides each plane of the cone their sum is tested: it rules out the edges of a hollow.
     """
-    low, high = row(features.edge_ends[edge], 0), row(features.edge_ends[edge], 1)
-    centre = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
-    if point_box(centre, box) > limit + 0.5 * length(minus(high, low)):
+    low, high = edge_end(features.edge_ends, edge, 0), edge_end(features.edge_ends, edge, 1)
+    apart = 0.0
+    for axis in range(3):
+        apart += max(min(low[axis], high[axis]) - box[axis + 3], box[axis] - max(low[axis], high[axis]), 0.0) ** 2
+    if apart > limit**2:
         return False
-    total, count = np.zeros(4), 0
-    for index in range(features.edge_first[edge], features.edge_first[edge + 1]):
-        total += features.edge_planes[index]
-        count += 1
-        if _range(features.edge_planes[index], middle, half)[0] > SLACK:
+    # Between the planes square to it at its ends, see `is_beside`.
+    along, away = minus(high, low), minus(middle, low)
+    size, at = length(along), dot(away, along)
+    spread = abs(along[0]) * half[0] + abs(along[1]) * half[1] + abs(along[2]) * half[2]
+    if at + spread < -SLACK * size or at - spread > (size + SLACK) * size:
+        return False
+    normal, offset, first, last = (0.0, 0.0, 0.0), 0.0, features.edge_first[edge], features.edge_first[edge + 1]
+    for index in range(first, last):
+        plane, at = row(features.edge_planes, index), features.edge_planes[index, 3]
+        if _range(plane, at, middle, half)[0] > SLACK:
             return False
-    return _range(total, middle, half)[0] <= count * SLACK
+        normal, offset = ahead(normal, plane, 1.0), offset + at
+    return bool(_range(normal, offset, middle, half)[0] <= (last - first) * SLACK)
 
 
-@kernel
+@leaf
 def _may_touch_vertex(features: Features, vertex: int, box: np.ndarray, middle: Triple, half: Triple, limit: float) -> bool:
     """Whether a point of the box may be within the limit of a vertex, and in its normal cone."""
     point = row(features.vertices, vertex)
@@ -173,19 +199,3 @@ def _may_touch_vertex(features: Features, vertex: int, box: np.ndarray, middle: 
         if along[0] * arm[0] + along[1] * arm[1] + along[2] * arm[2] - spread > SLACK:
             return False
     return True
-
-
-@kernel
-def gather_listed(known: Lists, tree: Tree, body: int, segment: int, start: Triple, end: Triple, limit: float) -> int:
-    """What matters of that which `gather` finds, from the list of a segment, with masks."""
-    found, leaf, is_met, first_leaf = 0, -1, False, (1 << tree.depth) - 1
-    low = (min(start[0], end[0]) - limit, min(start[1], end[1]) - limit, min(start[2], end[2]) - limit)
-    high = (max(start[0], end[0]) + limit, max(start[1], end[1]) + limit, max(start[2], end[2]) + limit)
-    for place in range(known.counts[body, segment]):
-        if known.leaves[body, segment, place] != leaf:
-            leaf = known.leaves[body, segment, place]
-            is_met = meets(tree.boxes, first_leaf + leaf, low, high)
-        if is_met:
-            tree.near[found], tree.masks[found] = known.triangles[body, segment, place], known.masks[body, segment, place]
-            found += 1
-    return found

@@ -25,12 +25,14 @@ import numpy as np
 
 from protocol.errors import SceneError
 
-from .distances import ROUNDING, Triple, ahead, dot, kernel, minus
+from .distances import ROUNDING, Triple, ahead, dot, leaf, minus
 from .tree import grown
 
 FLAT: Final = 1e-6  # rad, an edge with a smaller dihedral angle is part of its faces
 SLIVER: Final = 1e-9  # height over length below which a triangle counts as having no area
 SKIN: Final = 1e-6  # part of a line of sight next to the point looked at that nothing can cut
+SURFACE: Final = np.dtype([(name, np.int64) for name in ("first_box", "first_triangle", "first_edge", "first_vertex", "depth")])
+"""Where a surface begins in the arrays of `Features`, and how many levels its tree has below its root."""
 
 
 class Features(NamedTuple):
@@ -47,11 +49,7 @@ class Features(NamedTuple):
     vertex_first: np.ndarray  # (v+1,) first row in vertex_along
     vertex_along: np.ndarray  # (., 3) unit, along each edge that leaves the vertex
     boxes: np.ndarray  # (., 6) m, least and greatest corner of every tree node
-    depths: np.ndarray  # (b,) levels of each tree below its root
-    first_box: np.ndarray  # (b+1,)
-    first_triangle: np.ndarray  # (b+1,)
-    first_edge: np.ndarray  # (b+1,)
-    first_vertex: np.ndarray  # (b+1,)
+    surfaces: np.ndarray  # (b+1,) of `SURFACE`; the last says where all end
 
 
 @final
@@ -92,12 +90,14 @@ class Surface:
 def join(surfaces: Sequence[Surface]) -> Features:
     """Lay surfaces one after the other, indices shifted."""
     parts = [surface.features for surface in surfaces]
-    columns: dict[str, np.ndarray] = {}
-    firsts = {"first_box": "boxes", "first_triangle": "triangle_ids", "first_edge": "edge_ends", "first_vertex": "vertices"}
-    for name, counted in firsts.items():
-        columns[name] = np.cumsum([0, *(len(getattr(part, counted)) for part in parts)])
-    for name, counted in (("own_edges", "first_edge"), ("own_vertices", "first_vertex")):
-        shifted = [np.where(getattr(p, name) < 0, -1, getattr(p, name) + shift) for p, shift in zip(parts, columns[counted], strict=False)]
+    columns: dict[str, np.ndarray] = {"surfaces": np.zeros(len(parts) + 1, dtype=SURFACE)}
+    counted = {"first_box": "boxes", "first_triangle": "triangle_ids", "first_edge": "edge_ends", "first_vertex": "vertices"}
+    for name, rows in counted.items():
+        columns["surfaces"][name] = np.cumsum([0, *(len(getattr(part, rows)) for part in parts)])
+    columns["surfaces"]["depth"][:-1] = [part.surfaces["depth"][0] for part in parts]
+    for name, first in (("own_edges", "first_edge"), ("own_vertices", "first_vertex")):
+        shifts = columns["surfaces"][first]
+        shifted = [np.where(getattr(p, name) < 0, -1, getattr(p, name) + shift) for p, shift in zip(parts, shifts, strict=False)]
         columns[name] = np.concatenate(shifted)
     for name in ("edge_first", "vertex_first"):
         ends = np.cumsum([0, *(getattr(part, name)[-1] for part in parts)])
@@ -108,26 +108,25 @@ def join(surfaces: Sequence[Surface]) -> Features:
     return Features(**columns)
 
 
-@kernel
+@leaf
 def height(planes: np.ndarray, triangle: int, side: int, point: Triple) -> float:
     """Signed distance in m of a point from plane `side` of a triangle: 0 the triangle's own, then its three sides'."""
-    a = (planes[triangle, side, 0], planes[triangle, side, 1], planes[triangle, side, 2])
-    return float(dot(a, point) - planes[triangle, side, 3])
+    return float(dot(plane_normal(planes, triangle, side), point) - planes[triangle, side, 3])
 
 
-@kernel
-def plane_normal(planes: np.ndarray, triangle: int) -> Triple:
-    """Unit normal of a triangle."""
-    return (planes[triangle, 0, 0], planes[triangle, 0, 1], planes[triangle, 0, 2])
+@leaf
+def plane_normal(planes: np.ndarray, triangle: int, side: int) -> Triple:
+    """Unit normal of plane `side` of a triangle."""
+    return (planes[triangle, side, 0], planes[triangle, side, 1], planes[triangle, side, 2])
 
 
-@kernel
+@leaf
 def edge_end(ends: np.ndarray, edge: int, end: int) -> Triple:
     """First or second end [m] of an edge."""
     return (ends[edge, end, 0], ends[edge, end, 1], ends[edge, end, 2])
 
 
-@kernel
+@leaf
 def is_beside(ends: np.ndarray, edge: int, start: Triple, end: Triple) -> bool:
     """Is a point of the segment between the two planes that are square to an edge at its ends?"""
     low, high = edge_end(ends, edge, 0), edge_end(ends, edge, 1)
@@ -137,11 +136,12 @@ def is_beside(ends: np.ndarray, edge: int, start: Triple, end: Triple) -> bool:
     return min(dot(minus(start, high), along), dot(minus(end, high), along)) < 0.0
 
 
-@kernel
-def hides(planes: np.ndarray, near: np.ndarray, eye: Triple, point: Triple) -> bool:
-    """Does one of the triangles `near` cut the line of sight from `eye` to a point on one of them?"""
+@leaf
+def hides(planes: np.ndarray, near: np.ndarray, count: int, eye: Triple, point: Triple) -> bool:
+    """Does one of the first triangles of `near` cut the line of sight from `eye` to a point on one of them?"""
     point = ahead(point, minus(eye, point), SKIN)
-    for triangle in near:
+    for place in range(count):
+        triangle = near[place]
         height_eye, height_point = height(planes, triangle, 0, eye), height(planes, triangle, 0, point)
         if (height_eye > 0.0) != (height_point > 0.0):
             crossing = ahead(eye, minus(point, eye), height_eye / (height_eye - height_point))
@@ -214,11 +214,7 @@ def _features(vertices: np.ndarray, triangles: np.ndarray, ids: np.ndarray, boxe
         vertex_first=vertex_first,
         vertex_along=vertex_along,
         boxes=boxes,
-        depths=np.array([depth]),
-        first_box=np.array([0, len(boxes)]),
-        first_triangle=np.array([0, len(triangles)]),
-        first_edge=np.array([0, len(ends)]),
-        first_vertex=np.array([0, len(vertices)]),
+        surfaces=np.array([(0, 0, 0, 0, depth), (len(boxes), len(triangles), len(ends), len(vertices), 0)], dtype=SURFACE),
     )
     for array in features:
         array.setflags(write=False)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, final
@@ -31,10 +31,9 @@ import numpy as np
 from protocol.errors import SceneError
 
 from . import edges
-from .beyond import add_edges_beyond, extents
+from .beyond import find
 from .distances import shortest, total
-from .hits import FACE, find_hits
-from .pairs import PAIR, columns
+from .hits import FACE
 from .skin import Lists, lists, no_lists
 from .surface import Surface, join
 
@@ -50,6 +49,7 @@ COMPILED: Final = (
     "round_hits",
 )  # files with what numba compiles of the search
 STAMP: Final = "search.stamp"  # beside numba's cache: what the code in it was compiled from
+NOTHING: Final = np.zeros((0, 0), dtype=np.bool_)  # is excluded
 NEIGHBOURHOOD: Final = 1.5  # segments along the cable within which a previous normal still holds
 
 
@@ -123,37 +123,24 @@ class Touch:
             SceneError: If an array has a wrong shape or a value that is not finite.
         """
         nodes, poses = _fixed(nodes, np.float64), _fixed(poses, np.float64)
-        mask = _fixed(np.zeros((0, 0)) if excluded is None else excluded, np.bool_)
+        mask = _fixed(NOTHING if excluded is None else excluded, np.bool_)
         self._check(nodes, poses, radius, reach, excluded)
         known, capacity = self._lists(cable, len(nodes) - 1), 64 + 8 * len(nodes)
         while True:
-            count, hits, clearance = find_hits(self._features, known, nodes, poses, radius, radius + reach, mask, capacity)
+            count, clearance, extent, columns = find(self._features, self._edges, known, nodes, poses, radius, reach, mask, capacity)
             if count <= capacity:
                 break
             capacity = 2 * count
-        if not count:
-            return _candidates(hits[:0], 0, clearance, radius, np.zeros((0, 2)))
-        hits = self._with_edges(hits, count, poses, radius + edges.CLOSE)
-        if previous is not None:
-            keep_normals(hits, previous)
-        return _candidates(hits, count, clearance, radius, extents(self._edges, hits, poses))
+        return _candidates(clearance, extent, columns, previous)
 
     def _lists(self, cable: int | None, segments: int) -> Lists:
         """The lists of a cable, new ones if it has other segments than before."""
         if cable is None:
             return self._unlisted
         known = self._listed.get(cable)
-        if known is None or known.counts.shape[1] != segments:
+        if known is None or known.wide.shape[1] != segments:
             known = self._listed[cable] = lists(self.body_count, segments)
         return known
-
-    def _with_edges(self, hits: np.ndarray, found: int, poses: np.ndarray, close: float) -> np.ndarray:
-        """The first pairs, and for those nearly touching, a pair for every edge that a contact could slide on to."""
-        total = add_edges_beyond(self._edges, hits, found, poses, close)
-        if total > len(hits):
-            hits = np.concatenate([hits[:found], np.empty(total - found, dtype=PAIR)])
-            total = add_edges_beyond(self._edges, hits, found, poses, close)
-        return hits[:total]
 
     def _check(self, nodes: np.ndarray, poses: np.ndarray, radius: float, reach: float, excluded: np.ndarray | None) -> None:
         if nodes.ndim != 2 or nodes.shape[1] != 3 or len(nodes) < 2:
@@ -192,13 +179,13 @@ def warm_up() -> None:
 
 def is_compiled() -> bool:
     """Is the search ready, in this process or on disk, so that `warm_up` takes less than a second?"""
-    dispatcher: Any = find_hits
+    dispatcher: Any = find
     stamp = _cache() / STAMP
     return bool(dispatcher.signatures) or (stamp.is_file() and stamp.read_text(encoding="ascii") == _fingerprint())
 
 
 def _cache() -> Path:
-    dispatcher: Any = find_hits
+    dispatcher: Any = find
     return Path(dispatcher.stats.cache_path)
 
 
@@ -212,40 +199,52 @@ def _tetrahedron() -> Surface:
     return Surface(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
 
 
-def keep_normals(hits: np.ndarray, previous: Candidates) -> None:
-    """Give crossings the normal that the nearest place on the same body had in the previous search."""
+def keep_normals(found: Mapping[str, np.ndarray] | np.ndarray, is_crossing: np.ndarray, previous: Candidates) -> None:
+    """Give crossings the normal that the nearest place on the same body had in the previous search; `found` are columns or pairs."""
     places = previous.segment + previous.fraction
-    for row_number in np.flatnonzero(hits["is_crossing"]):
-        hit = hits[row_number]
-        away = np.where(previous.body == hit["body"], np.abs(places - hit["segment"] - hit["fraction"]), np.inf)
+    segment, fraction, body, feature, normals = (found[name] for name in ("segment", "fraction", "body", "feature", "normal"))
+    for index in np.flatnonzero(is_crossing):
+        away = np.where(previous.body == body[index], np.abs(places - segment[index] - fraction[index]), np.inf)
         if away.min(initial=np.inf) > NEIGHBOURHOOD:
             continue
         normal = previous.normal[np.argmin(away)]
-        if hit["feature"] == FACE:
+        if feature[index] == FACE:
             # The plane of a face has two sides; only which of them is a matter of history.
-            hits["normal"][row_number] *= 1.0 if hit["normal"] @ normal >= 0.0 else -1.0
+            normals[index] *= 1.0 if normals[index] @ normal >= 0.0 else -1.0
         else:
-            hits["normal"][row_number] = normal
+            normals[index] = normal
 
 
-def _candidates(hits: np.ndarray, own: int, clearance: np.ndarray, radius: float, extent: np.ndarray) -> Candidates:
-    segment, fraction, body, feature, feature_id, point, normal, direction, gap, is_crossing, is_beyond = columns(hits, own, radius)
-    found = Candidates(
-        segment,
-        fraction,
-        body,
-        feature,
-        feature_id,
-        point,
-        normal,
-        direction,
-        extent,
-        gap,
-        is_crossing,
-        np.zeros(len(hits)),
-        is_beyond,
-        clearance,
+def _candidates(
+    clearance: np.ndarray,
+    extent: np.ndarray,
+    columns: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    previous: Candidates | None,
+) -> Candidates:
+    """Candidates from the arrays of `pairs.columns`."""
+    names, numbers, vectors, flags = columns
+    if previous is not None and flags[0].any():
+        found = {"segment": names[0], "body": names[1], "feature": names[2], "fraction": numbers[0], "normal": vectors[1]}
+        keep_normals(found, flags[0], previous)
+    for array in (clearance, extent, names, numbers, vectors, flags):
+        array.setflags(write=False)  # and so are all views that are made of it from here on
+    segment, body, feature, feature_id = names
+    fraction, gap, thickness = numbers
+    point, normal, direction = vectors
+    is_crossing, is_beyond = flags
+    return Candidates(
+        segment=segment,
+        fraction=fraction,
+        body=body,
+        feature=feature,
+        feature_id=feature_id,
+        point=point,
+        normal=normal,
+        direction=direction,
+        extent=extent,
+        gap=gap,
+        is_crossing=is_crossing,
+        thickness=thickness,
+        is_beyond=is_beyond,
+        clearance=clearance,
     )
-    for name in Candidates.__slots__:
-        getattr(found, name).setflags(write=False)
-    return found

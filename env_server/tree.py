@@ -1,4 +1,4 @@
-"""The tree of bounding boxes over the triangles of a surface, and the walk down it.
+"""The tree of bounding boxes over the triangles of a surface, the walk down it, and spheres around a cable.
 
 It is complete and binary, split at the median of the longest side. Node i has the children 2i+1 and 2i+2, and leaf j of
 2^depth holds the triangles from j t >> depth to (j+1) t >> depth: no pointers.
@@ -10,9 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from .distances import Triple, kernel
+from .distances import Triple, ahead, kernel, leaf, length, minus, row
 
 LEAF_SIZE: Final = 4  # triangles in a leaf of the tree, at most
+BLOCK: Final = 8  # segments of a cable that share a bounding sphere
 
 
 def grown(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -42,7 +43,7 @@ def _group_starts(count: int, level: int) -> np.ndarray:
     return (np.arange(2**level) * count) >> level
 
 
-@kernel
+@leaf
 def meets(boxes: np.ndarray, node: int, low: Triple, high: Triple) -> bool:
     """Does a node of the tree share a point with the box from corner `low` to corner `high`?"""
     if boxes[node, 0] > high[0] or boxes[node, 1] > high[1] or boxes[node, 2] > high[2]:
@@ -50,7 +51,7 @@ def meets(boxes: np.ndarray, node: int, low: Triple, high: Triple) -> bool:
     return bool(boxes[node, 3] >= low[0] and boxes[node, 4] >= low[1] and boxes[node, 5] >= low[2])
 
 
-@kernel
+@leaf
 def fill(leaf: int, depth: int, triangles: tuple[int, int], near: np.ndarray, found: int) -> int:
     """Write the triangles of a leaf after the first `found`; return how many there are now."""
     for triangle in range((leaf * triangles[1]) >> depth, ((leaf + 1) * triangles[1]) >> depth):
@@ -59,7 +60,7 @@ def fill(leaf: int, depth: int, triangles: tuple[int, int], near: np.ndarray, fo
     return found
 
 
-@kernel
+@leaf
 def gather(
     boxes: np.ndarray, depth: int, start: Triple, end: Triple, limit: float, triangles: tuple[int, int], near: np.ndarray, stack: np.ndarray
 ) -> int:
@@ -81,3 +82,17 @@ def gather(
             continue
         found = fill(node - leaf_count + 1, depth, triangles, near, found)
     return found
+
+
+@kernel
+def bounding_spheres(nodes: np.ndarray) -> np.ndarray:
+    """Centre and radius (., 4) around every `BLOCK` segments."""
+    count = len(nodes) - 1
+    spheres = np.zeros(((count + BLOCK - 1) // BLOCK, 4))
+    for block in range(len(spheres)):
+        first, last = block * BLOCK, min((block + 1) * BLOCK, count)
+        middle = ahead(row(nodes, first), minus(row(nodes, last), row(nodes, first)), 0.5)
+        spheres[block, 0], spheres[block, 1], spheres[block, 2] = middle
+        for node in range(first, last + 1):
+            spheres[block, 3] = max(spheres[block, 3], length(minus(row(nodes, node), middle)))
+    return spheres

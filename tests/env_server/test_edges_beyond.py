@@ -8,7 +8,7 @@ from test_touch import RADIUS, straight
 from trimesh import creation
 
 from env_server.beyond import add_edges_beyond, extents
-from env_server.edges import CLOSE, SLIDE, EdgeTable
+from env_server.edges import CLOSE, SLIDE
 from env_server.hits import EDGE, FACE, VERTEX, find_hits
 from env_server.pairs import PAIR
 from env_server.skin import no_lists
@@ -22,24 +22,26 @@ def turn(pose: np.ndarray) -> np.ndarray:
     return np.asarray(Rotation.from_quat(pose[3:]).as_matrix())
 
 
-def expected(table: EdgeTable, hits: np.ndarray, poses: np.ndarray, close: float) -> dict[Named, np.ndarray]:
+def expected(touch: Touch, hits: np.ndarray, poses: np.ndarray, close: float) -> dict[Named, np.ndarray]:
     """Where every edge begins that leaves a vertex touched, or an end near by of an edge touched; those not found by themselves."""
     found = {(hit["segment"], hit["body"], hit["feature_id"]) for hit in hits if hit["feature"] == EDGE}
     out: dict[Named, np.ndarray] = {}
+    table, ends = touch._edges, touch._features.edge_ends
     for hit in hits:
         if hit["feature"] == FACE or hit["is_crossing"] or hit["distance"] >= close:
             continue
         body, pose = hit["body"], poses[hit["body"]]
-        own, vertices = -1, [table.first_vertex[body] + hit["feature_id"]]
+        first = touch._features.surfaces[body]
+        own, vertices = -1, [first["first_vertex"] + hit["feature_id"]]
         if hit["feature"] == EDGE:
-            own = table.first_edge[body] + hit["feature_id"]
-            away = np.linalg.norm(table.ends[own] @ turn(pose).T + pose[:3] - hit["point"], axis=1)
+            own = first["first_edge"] + hit["feature_id"]
+            away = np.linalg.norm(ends[own] @ turn(pose).T + pose[:3] - hit["point"], axis=1)
             vertices = list(table.vertex[own][away < SLIDE])
         for vertex in vertices:
             for edge in table.leaving[table.first_leaving[vertex] : table.first_leaving[vertex + 1]]:
-                key = (hit["segment"], body, edge - table.first_edge[body])
+                key = (hit["segment"], body, edge - first["first_edge"])
                 if edge != own and key not in found and key not in out:
-                    out[key] = turn(pose) @ table.ends[edge, 0 if table.vertex[edge, 0] == vertex else 1] + pose[:3]
+                    out[key] = turn(pose) @ ends[edge, 0 if table.vertex[edge, 0] == vertex else 1] + pose[:3]
     return out
 
 
@@ -58,9 +60,9 @@ def test_the_edges_beyond_are_those_that_leave_what_is_touched() -> None:
         nodes = straight((-0.05, 0.0, 0.0), (0.05, 0.0, 0.0), 20) + 1e-4 * rng.normal(size=(21, 3))
         none = np.zeros((0, 0), dtype=np.bool_)
         count, hits, _ = find_hits(touch._features, no_lists(), nodes, poses, RADIUS, RADIUS + 8e-3, none, 2000)
-        table, close = touch._edges, RADIUS + 5 * CLOSE
-        wanted = expected(table, hits[:count], poses, close)
-        total = add_edges_beyond(table, hits, count, poses, close)
+        close = RADIUS + 5 * CLOSE
+        wanted = expected(touch, hits[:count], poses, close)
+        total = add_edges_beyond(touch._features, touch._edges, hits, count, poses, close)
         named = [(hit["segment"], hit["body"], hit["feature_id"]) for hit in hits[count:total]]
         assert named == list(wanted)
         for hit in hits[count:total]:
@@ -74,20 +76,20 @@ def test_the_edges_beyond_are_those_that_leave_what_is_touched() -> None:
 def test_the_lines_of_edges_end_where_their_edges_do() -> None:
     rng = np.random.default_rng(8)
     touch, poses = bodies(rng)
-    table = touch._edges
-    hits = np.zeros(len(table.ends), dtype=PAIR)
-    body = np.searchsorted(table.first_edge, np.arange(len(hits)), side="right") - 1
-    hits["body"], hits["feature"], hits["feature_id"] = body, EDGE, np.arange(len(hits)) - table.first_edge[body]
-    ends = np.array([corners @ turn(poses[b]).T + poses[b, :3] for corners, b in zip(table.ends, body, strict=True)])
+    features, table = touch._features, touch._edges
+    hits, first = np.zeros(len(features.edge_ends), dtype=PAIR), features.surfaces["first_edge"]
+    body = np.searchsorted(first, np.arange(len(hits)), side="right") - 1
+    hits["body"], hits["feature"], hits["feature_id"] = body, EDGE, np.arange(len(hits)) - first[body]
+    ends = np.array([corners @ turn(poses[b]).T + poses[b, :3] for corners, b in zip(features.edge_ends, body, strict=True)])
     along = ends[:, 1] - ends[:, 0]
     hits["direction"] = along / np.linalg.norm(along, axis=1, keepdims=True)
     hits["point"] = ends[:, 0] + 0.3 * along
-    extent = extents(table, hits, poses)
+    extent = extents(features, table, hits, poses)
     for end, sign in ((0, 1.0), (1, -1.0)):
         reached = hits["point"] + (extent[:, end] + sign * table.margins[:, end])[:, None] * hits["direction"]
         assert np.abs(reached - ends[:, end]).max() < 1e-15  # measured 7e-18
     hits["feature"] = VERTEX
-    assert not extents(table, hits, poses).any()
+    assert not extents(features, table, hits, poses).any()
 
 
 def test_there_is_room_for_as_many_edges_beyond_as_there_are() -> None:
@@ -95,7 +97,8 @@ def test_there_is_room_for_as_many_edges_beyond_as_there_are() -> None:
     touch, poses = bodies(rng)
     nodes = straight((-0.05, 0.0, 0.0), (0.05, 0.0, 0.0), 20)
     none = np.zeros((0, 0), dtype=np.bool_)
-    count, hits, _ = find_hits(touch._features, no_lists(), nodes, poses, RADIUS, RADIUS + 8e-3, none, 2000)
-    roomy = touch._with_edges(hits.copy(), count, poses, 0.02)
-    assert len(roomy) > count
-    assert touch._with_edges(hits[:count].copy(), count, poses, 0.02).tobytes() == roomy.tobytes()
+    own, hits, _ = find_hits(touch._features, no_lists(), nodes, poses, RADIUS, RADIUS + 8e-3, none, 2000)
+    total = add_edges_beyond(touch._features, touch._edges, hits, own, poses, 0.02)
+    assert total > own
+    short = hits[:own].copy()
+    assert add_edges_beyond(touch._features, touch._edges, short, own, poses, 0.02) == total  # the room that is needed

@@ -18,9 +18,9 @@ def test_no_triangle_of_a_body_out_of_reach_is_looked_at() -> None:
     nodes = straight((-0.03, 0.0, 0.003), (0.03, 0.0, 0.003), 6)
     before = touch.search(nodes, poses, RADIUS, REACH)
     planes = touch._features.planes.copy()
-    planes[touch._features.first_triangle[1] :] = np.nan
+    planes[touch._features.surfaces["first_triangle"][1] :] = np.nan
     boxes = touch._features.boxes.copy()
-    boxes[touch._features.first_box[1] + 1 :] = np.nan  # all but the root
+    boxes[touch._features.surfaces["first_box"][1] + 1 :] = np.nan  # all but the root
     object.__setattr__(touch, "_features", touch._features._replace(planes=planes, boxes=boxes))
     after = touch.search(nodes, poses, RADIUS, REACH)
     assert len(before.gap) > 0

@@ -66,14 +66,14 @@ def test_a_list_without_enough_room_is_not_used() -> None:
     for _ in range(3):
         nodes = straight((-0.02, 0.0, 0.011), (0.02, 0.0, 0.011), 4) + 1e-4 * rng.normal(size=(5, 3))
         assert_same(whole.search(nodes, AT_REST, RADIUS, REACH), listed.search(nodes, AT_REST, RADIUS, REACH, cable=0))
-    assert listed._listed[0].counts.min() == -1
+    assert listed._listed[0].wide["count"].min() == -1
 
 
 def test_a_list_stays_valid_until_a_segment_has_left_its_region() -> None:
     touch, nodes = bodies(), straight((-0.08, 0.0, 0.0), (0.08, 0.0, 0.0), 8)
     poses = np.tile(AT_REST, (3, 1))
     touch.search(nodes, poses, RADIUS, REACH, cable=0)
-    boxes = touch._listed[0].boxes
+    boxes = touch._listed[0].wide["box"]
     made = boxes.copy()
     touch.search(nodes + 0.99 * skin.SKIN, poses, RADIUS, REACH, cable=0)
     assert np.array_equal(boxes, made)

@@ -77,7 +77,7 @@ def test_the_tree_finds_every_triangle_whose_box_is_in_reach() -> None:
     near, stack, random = np.empty(len(corners), np.int64), np.empty(64, np.int64), np.random.default_rng(1)
     for _ in range(200):
         start, end = random.uniform(-0.12, 0.12, (2, 3))
-        count = gather(features.boxes, int(features.depths[0]), tuple(start), tuple(end), 0.01, (0, len(corners)), near, stack)
+        count = gather(features.boxes, int(features.surfaces["depth"][0]), tuple(start), tuple(end), 0.01, (0, len(corners)), near, stack)
         low, high = np.minimum(start, end) - 0.01, np.maximum(start, end) + 0.01
         overlaps = ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)
         assert set(np.flatnonzero(overlaps)) <= set(near[:count])
@@ -89,7 +89,9 @@ def test_every_triangle_is_in_the_tree_once(count: int) -> None:
     soup = np.random.default_rng(count).uniform(-1, 1, (3 * count, 3))
     features = Surface(soup, np.arange(3 * count).reshape(-1, 3)).features
     near, stack = np.empty(count, np.int64), np.empty(64, np.int64)
-    everywhere = gather(features.boxes, int(features.depths[0]), (-2.0, -2.0, -2.0), (2.0, 2.0, 2.0), 0.0, (0, count), near, stack)
+    everywhere = gather(
+        features.boxes, int(features.surfaces["depth"][0]), (-2.0, -2.0, -2.0), (2.0, 2.0, 2.0), 0.0, (0, count), near, stack
+    )
     assert everywhere == count
     assert sorted(features.triangle_ids) == list(range(count))
     assert np.allclose(features.boxes[0], [*soup.min(axis=0), *soup.max(axis=0)])
@@ -100,7 +102,7 @@ def test_joined_surfaces_keep_their_features() -> None:
     joined = join(parts)
     assert active(joined.own_edges) == 16
     edge = joined.own_edges[joined.own_edges >= 0].max()
-    assert np.array_equal(joined.edge_ends[edge], parts[1].features.edge_ends[edge - joined.first_edge[1]])
+    assert np.array_equal(joined.edge_ends[edge], parts[1].features.edge_ends[edge - joined.surfaces["first_edge"][1]])
     rows = slice(joined.edge_first[edge], joined.edge_first[edge + 1])
     assert np.abs(joined.edge_ends[edge] @ joined.edge_planes[rows, :3].T - joined.edge_planes[rows, 3]).max() < 1e-15
 
