@@ -29,7 +29,7 @@ from .distances import (
     turned,
     turned_back,
 )
-from .pairs import PAIR, measure, report, sorted_along, triple
+from .pairs import PAIR, measure, report, sort_along, triple
 from .skin import ALL, FACE_BIT, FIRST_EDGE, FIRST_VERTEX, ROOM, Lists, Tree, holds, recalled, renew
 from .surface import Features, edge_end, height, hides, is_beside, plane_normal
 from .tree import BLOCK, bounding_spheres, gather
@@ -51,6 +51,16 @@ class Piece(NamedTuple):
     owns_end: bool  # no later segment takes care of its last node
 
 
+class Room(NamedTuple):
+    """Room to work in, made once for all bodies."""
+
+    near: np.ndarray  # for all triangles of a surface
+    masks: np.ndarray  # (ROOM,)
+    stack: np.ndarray  # (64,)
+    raw: np.ndarray  # as long as the pairs
+    order: np.ndarray  # of these
+
+
 class Rim(NamedTuple):
     """An edge of a surface in the frame of its body."""
 
@@ -67,7 +77,11 @@ def find_hits(
 ) -> tuple[int, np.ndarray, np.ndarray]:
     """Search all bodies, with lists that are kept up or with `no_lists`; a count beyond the capacity says how much room is needed."""
     count, found, hits, spheres = len(nodes) - 1, 0, np.empty(capacity, PAIR), bounding_spheres(nodes)
-    clearance, local = np.full(count, limit), np.empty((count + 1, 3))
+    clearance, local, most = np.full(count, limit), np.empty((count + 1, 3)), 0
+    for body in range(len(poses)):
+        most = max(most, features.surfaces[body + 1].first_triangle - features.surfaces[body].first_triangle)
+    rows = (np.empty(most, np.int64), np.empty(ROOM, np.int32), np.empty(64, np.int64))
+    room = Room(*rows, np.empty(capacity, PAIR), np.empty(capacity, np.int64))
     for body in range(len(poses)):
         axes, origin, begin = rotation(poses[body]), row(poses, body), found
         in_reach = np.zeros(count, np.bool_)
@@ -82,17 +96,18 @@ def find_hits(
             continue
         if excluded.size > 0:
             in_reach &= ~excluded[:, body]
-        found = _search_body(features, known, body, local, in_reach, radius, limit, clearance, hits, found)
+        found = _search_body(features, known, room, body, local, in_reach, radius, limit, clearance, hits, found)
         if found > capacity:
             break
         _to_world(hits, begin, found, axes, origin)
     return found, hits, clearance
 
 
-@kernel
+@leaf
 def _search_body(
     features: Features,
     known: Lists,
+    room: Room,
     body: int,
     local: np.ndarray,
     in_reach: np.ndarray,
@@ -106,11 +121,8 @@ def _search_body(
     surface, next_surface = features.surfaces[body], features.surfaces[body + 1]
     triangles = (surface.first_triangle, next_surface.first_triangle - surface.first_triangle)
     boxes, depth = features.boxes[surface.first_box : next_surface.first_box], surface.depth
-    stack, near, masks = np.empty(64, np.int64), np.empty(triangles[1], np.int64), np.empty(ROOM, np.int32)
-    tree = Tree(boxes, depth, triangles, near, masks, stack)
-    raw, count = np.empty(len(hits), PAIR), 0
-    # Arrays by themselves: a call that is given all of them takes longer than what it does.
-    planes, keeps_lists, narrow = features.planes, len(known.narrow) > 0, known.narrow
+    near, masks, stack, raw, count = room.near, room.masks, room.stack, room.raw, 0
+    tree, keeps_lists, narrow = Tree(boxes, depth, triangles, near, masks, stack), len(known.narrow) > 0, known.narrow
     for segment in range(len(in_reach)):
         if not in_reach[segment]:
             continue
@@ -127,22 +139,17 @@ def _search_body(
             near_count = gather(boxes, depth, start, end, limit, triangles, near, stack)
         if near_count == 0:
             continue
-        count = _search_near(
-            features,
-            near[:near_count],
-            masks[: near_count if is_listed else 0],
-            Piece(start, end, segment, body, limit, owns_end),
-            raw,
-            count,
-        )
+        piece, known_masks = Piece(start, end, segment, body, limit, owns_end), masks[: near_count if is_listed else 0]
+        count = _search_near(features, near[:near_count], known_masks, piece, raw, count)
         if count > len(raw):
             return found + 2 * count
-        count = _in_sight(planes, tree, limit, raw, begin, count, near_count)
+        count = _in_sight(features.planes, tree, limit, raw, begin, count, near_count)
     if found + count > len(hits):
         return found + 2 * count
     if count > 0:
         measure(raw[:count], in_reach, clearance)
-        found = report(raw, sorted_along(raw[:count]), radius, hits, found)
+        sort_along(raw, room.order[:count])
+        found = report(raw, room.order[:count], radius, hits, found)
     return found
 
 

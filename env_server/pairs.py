@@ -35,11 +35,10 @@ def _place(hits: np.ndarray, hit: int) -> int:
     return int(2 * hits[hit].segment + (0 if hits[hit].fraction == 0.0 else (2 if hits[hit].fraction == 1.0 else 1)))
 
 
-@kernel
-def sorted_along(hits: np.ndarray) -> np.ndarray:
-    """Order along the cable, the nearest first; of equals the face. Quick because pairs nearly are in order."""
-    order = np.empty(len(hits), np.int64)
-    for hit in range(len(hits)):
+@leaf
+def sort_along(hits: np.ndarray, order: np.ndarray) -> None:
+    """Write the order (m,) of the first m pairs along the cable, the nearest first; of equals the face. Quick because they nearly are."""
+    for hit in range(len(order)):
         place, distance, slot = _place(hits, hit), hits[hit].distance + ROUNDING * hits[hit].feature, hit
         while slot > 0:
             other = order[slot - 1]
@@ -49,7 +48,6 @@ def sorted_along(hits: np.ndarray) -> np.ndarray:
             order[slot] = other
             slot -= 1
         order[slot] = hit
-    return order
 
 
 @leaf
