@@ -20,6 +20,7 @@ from protocol.kinds import SelfInteraction, SelfTouch
 from protocol.messages import CablePoints, CrossingReactions, Crossings, Shape
 from protocol.scene import Cable
 
+from .apart import Way, may_go
 from .held import NOT_YET, Held, Knot, knot_at
 from .self_boundary import NEAR, Meeting, all_have_rows, beside, handed_on, places_of, rubs
 from .self_touch import SelfCandidates, search, search_two
@@ -119,14 +120,21 @@ class Crossed:
                 return False
         return True
 
-    def free_share(self, moved: Sequence[np.ndarray]) -> float:
-        """Share of the way, by `moved` (n-1,) [m] for every segment of each cable, that surely takes no cable through another."""
+    def free_share(self, moved: Sequence[np.ndarray], ways: Sequence[Way | None]) -> float:
+        """Share of the way, by `moved` (n-1,) [m] for every segment of each cable, that surely takes no cable through another.
+
+        Infinite if all of the way does, as `ways` may tell.
+        """
         share = np.inf
         for pair, found in zip(self.pairs, self.near, strict=True):
             first, second = moved[pair.first], moved[pair.second]
             own = (found.clearance - 0.5 * pair.distance) / np.maximum(first + second.max(), 1e-12)
             other = (found.other_clearance - 0.5 * pair.distance) / np.maximum(second + first.max(), 1e-12)
-            share = min(share, float(own.min()), float(other.min()))
+            here = min(float(own.min()), float(other.min()))
+            is_own = pair.first == pair.second
+            if here < 1.0 and may_go(ways[pair.first], ways[pair.second], 0.5 * pair.distance, is_own=is_own):
+                continue
+            share = min(share, here)
         return share
 
     def accepted(self, cables: Sequence[Hanging]) -> Crossed:

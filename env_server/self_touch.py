@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from .distances import POINT, kernel
+from .distances import POINT, kernel, leaf
 
 BLOCK: Final = 8  # segments
 ONE: Final = 1.0  # segments, within which two places along y are one
@@ -158,7 +158,7 @@ def _blocks(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return centre, size
 
 
-@kernel
+@leaf
 def _look_at(
     nodes: np.ndarray,
     s: np.ndarray,
@@ -178,7 +178,7 @@ def _look_at(
     """Look at one pair of segments; how many pairs are found by now."""
     for half in range(2):
         t, u = nearest(nodes, i, 0.5 * half, 0.5 + 0.5 * half, others, j)
-        d = _between(nodes, i, t, others, j, u)
+        d = between(nodes, i, t, others, j, u)
         size = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         arc = (1.0 - u) * z[j] + u * z[j + 1] - (1.0 - t) * s[i] - t * s[i + 1]
         if size > limit or arc <= apart:
@@ -194,7 +194,7 @@ def _look_at(
     return found
 
 
-@kernel
+@leaf
 def nearest(nodes: np.ndarray, i: int, low: float, high: float, others: np.ndarray, j: int) -> tuple[float, float]:
     """Fractions of the closest points of segment i, from `low` to `high` of it, and segment j of the others (Ericson 2005, 5.1.9)."""
     p0, p1, p2 = nodes[i + 1, 0] - nodes[i, 0], nodes[i + 1, 1] - nodes[i, 1], nodes[i + 1, 2] - nodes[i, 2]
@@ -214,8 +214,8 @@ def nearest(nodes: np.ndarray, i: int, low: float, high: float, others: np.ndarr
     return t, u
 
 
-@kernel
-def _between(nodes: np.ndarray, i: int, t: float, others: np.ndarray, j: int, u: float) -> tuple[float, float, float]:
+@leaf
+def between(nodes: np.ndarray, i: int, t: float, others: np.ndarray, j: int, u: float) -> tuple[float, float, float]:
     """D [m], from the second place to the first."""
     return (
         (1.0 - t) * nodes[i, 0] + t * nodes[i + 1, 0] - (1.0 - u) * others[j, 0] - u * others[j + 1, 0],
@@ -224,7 +224,7 @@ def _between(nodes: np.ndarray, i: int, t: float, others: np.ndarray, j: int, u:
     )
 
 
-@kernel
+@leaf
 def _is_least(nodes: np.ndarray, i: int, t: float, d: tuple[float, float, float]) -> bool:
     """Whether a place on segment i, nearest there, is so on the neighbour too that begins at it."""
     if 0.0 < t < 1.0:
@@ -241,6 +241,6 @@ def _is_least(nodes: np.ndarray, i: int, t: float, d: tuple[float, float, float]
     return along <= slack if t == 0.0 else along >= -slack
 
 
-@kernel
+@leaf
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)

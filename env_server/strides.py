@@ -19,6 +19,7 @@ import numpy as np
 
 from protocol.messages import Shape
 
+from .apart import may_go, way_of
 from .crossed import Crossed
 from .hanging import Hanging
 from .poses import moves
@@ -76,16 +77,19 @@ def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging], cro
 
     `crossed` says how near the cables were to each other.
     """
-    farthest, share, moved = 0.0, 1.0, []
+    farthest, share, moved, ways = 0.0, 1.0, [], []
     for before, after in zip(was, now, strict=True):
         segment = np.maximum(_motion(before.shape, after.shape), 1e-12)
         farthest = max(farthest, float(segment.max()))
         moved.append(segment)
+        ways.append(way_of(before.shape, after.shape))
         for clearance, motion in ((before.bodies.clearance, rigid.bodies), (before.links.clearance, rigid.links)):
             share = min(share, float(((clearance - motion) / segment).min()))
         if before.own is not None:
-            share = min(share, before.own.free_share(segment))
-    return share if crossed is None else min(share, crossed.free_share(moved)), farthest
+            own = before.own.free_share(segment)
+            if own < 1.0 and not may_go(ways[-1], ways[-1], before.own.radius, is_own=True):
+                share = min(share, own)
+    return share if crossed is None else min(share, crossed.free_share(moved, ways)), farthest
 
 
 def slipped_through(was: Sequence[Hanging], now: Sequence[Hanging]) -> bool:

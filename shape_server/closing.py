@@ -51,28 +51,29 @@ def close(matrix, right, first_contact, contact_count, push, is_exact):  # type:
     free = rows[first_contact : first_contact + contact_count]
     fixed = np.concatenate((rows[:first_contact], rows[first_contact + contact_count :]))
     own, rest = part(matrix, free, free), right[free]
-    solved = np.empty((len(fixed), contact_count + 1))
+    solved, positive = np.empty((len(fixed), contact_count + 1)), 0
     if len(fixed) > 0:
         both = np.empty((len(fixed), contact_count + 1))
         both[:, :contact_count] = part(matrix, fixed, free)
         both[:, contact_count] = right[fixed]
-        solved, _ = solve_symmetric(part(matrix, fixed, fixed), both)
+        solved, positive = solve_symmetric(part(matrix, fixed, fixed), both)
         coupling = part(matrix, free, fixed)
         own = own - coupling @ np.ascontiguousarray(solved[:, :contact_count])
         rest = rest - coupling @ np.ascontiguousarray(solved[:, contact_count])
-    force = complementary(own, rest + own @ push, push > 0.0)
+    force, own_positive = complementary(own, rest + own @ push, push > 0.0)
     closed = force > 0.0
     # An open contact has lost whatever force it had.
     change[free] = force - push
     change[fixed] = solved[:, contact_count] - np.ascontiguousarray(solved[:, :contact_count]) @ change[free]
-    kept = np.concatenate((rows[:first_contact], free[closed], rows[first_contact + contact_count :]))
-    _, positive = solve_symmetric(part(matrix, kept, kept), np.zeros((len(kept), 1)))
-    return change, closed, positive
+    # The eigenvalues of a matrix have the signs of those of a block and of its Schur complement (Haynsworth 1968).
+    return change, closed, positive + own_positive
 
 
 @kernel
 def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
-    """Forces f >= 0 (c,) with w = matrix f - right >= 0 and f w = 0; as near as it came if the matrix is not positive.
+    """Forces f >= 0 (c,) with w = matrix f - right >= 0 and f w = 0, and the number of positive eigenvalues of the rows that push.
+
+    As near as it came if the matrix is not positive.
 
     Args:
         matrix: (c, c) symmetric.
@@ -82,17 +83,17 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
     closed = guess.copy()
     fewest, patience = len(right) + 1, PATIENCE
     tolerance = 1e-12 * np.abs(right).max()
-    force = np.zeros(len(right))
+    force, positive = np.zeros(len(right)), 0
     for _ in range(EXCHANGES_MAX):
         force[:] = 0.0
-        on = np.flatnonzero(closed)
+        on, positive = np.flatnonzero(closed), 0
         if len(on) > 0:
-            solved, _ = solve_symmetric(part(matrix, on, on), right[on].reshape(-1, 1))
+            solved, positive = solve_symmetric(part(matrix, on, on), right[on].reshape(-1, 1))
             force[on] = solved[:, 0]
         gap = matrix @ force - right
-        wrong = np.flatnonzero((closed & (force < 0.0)) | (~closed & (gap < -tolerance)))
+        wrong = np.flatnonzero((closed & (force <= 0.0)) | (~closed & (gap < -tolerance)))
         if len(wrong) == 0:
-            return force
+            break
         if len(wrong) < fewest:
             fewest, patience = len(wrong), PATIENCE
         elif patience > 0:
@@ -100,7 +101,7 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
         else:
             wrong = wrong[-1:]
         closed[wrong] = ~closed[wrong]
-    return np.maximum(force, 0.0)
+    return np.maximum(force, 0.0), positive
 
 
 @kernel

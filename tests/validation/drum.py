@@ -29,6 +29,7 @@ STEP = 0.1  # s
 REACH = 2e-3  # m
 POSE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 CABLE = Cable("cable", LENGTH, 0.009, 1e-6, 1e-5, 1e-5)
+LIMP = Cable("cable", LENGTH, 0.009, 1e-6)
 UP = frame((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
 
 
@@ -36,6 +37,7 @@ UP = frame((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
 class Drum:
     """The cable as the last step left it."""
 
+    cable: Cable
     shape: Shape
     boundary: Boundary
     time: float
@@ -48,7 +50,7 @@ class Drum:
     @property
     def ratio_on_cylinder(self) -> float:
         """The same where the cable lies on, bent to the cylinder's curvature: T + kappa^2 EI / 2 does not change at a lift-off."""
-        bent = 0.5 * CABLE.bending / RADIUS**2
+        bent = 0.5 * (self.cable.bending or 0.0) / RADIUS**2
         return float((self.shape.tension[0] - bent) / (self.shape.tension[-1] - bent))
 
     @property
@@ -65,14 +67,14 @@ class Drum:
             forces = np.ascontiguousarray(shape.grasp_wrenches[:, :3])
             start = Start(s=shape.s, frames=shape.frames, grasp_forces=forces)
             loads = PointLoads(s=np.array([LENGTH]), force=np.array([[0.0, 0.0, -load]]))
-            problem = Problem(cable=CABLE, grasps=_grasps(lower), contacts=contacts, start=start, loads=loads)
+            problem = Problem(cable=self.cable, grasps=_grasps(lower), contacts=contacts, start=start, loads=loads)
             shape = solve(problem, (0.0, 0.0, -9.81), extrapolate=False, path=compiled)
             assert shape.outcome is Outcome.CONVERGED, shape.sentence
             boundary = boundary.after(contacts, shape, pose)
-        return Drum(shape, boundary.anchored(contacts, shape, pose, time), time)
+        return Drum(self.cable, shape, boundary.anchored(contacts, shape, pose, time), time)
 
 
-def begun(kind: Friction, law: FrictionLaw, segments: int = SEGMENTS) -> Drum:
+def begun(kind: Friction, law: FrictionLaw, segments: int = SEGMENTS, cable: Cable = CABLE) -> Drum:
     """The cable laid over the cylinder; its first shape is found without friction, as in a run."""
     s = np.linspace(0.0, LENGTH, segments + 1)
     angle = np.clip((0.5 * (s[1:] + s[:-1]) - LEG) / RADIUS, 0.0, np.pi)
@@ -90,7 +92,7 @@ def begun(kind: Friction, law: FrictionLaw, segments: int = SEGMENTS) -> Drum:
     )
     laws = Laws(np.array([FRICTION_CODES.index(kind)]), np.zeros(1, dtype=np.int64), (law,))
     boundary = Boundary(radius=RADIUS, length=LENGTH, bonding=np.zeros(1, dtype=bool), laws=laws)
-    return Drum(laid, boundary, 0.0).moved(0.0)
+    return Drum(cable, laid, boundary, 0.0).moved(0.0)
 
 
 def settled(drum: Drum, lower: float, steps: int, *, stop: int | None = None, **changes: float) -> Drum:

@@ -9,24 +9,26 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drum import LENGTH, POSE, STEP, Drum, begun, settled, turned
+from drum import CABLE, LENGTH, LIMP, POSE, STEP, Drum, begun, settled, turned
 
 from protocol.kinds import Friction
 from protocol.messages import FrictionLaw
+from protocol.scene import Cable
 
 MU = 0.3
 LIMIT = float(np.exp(MU * np.pi))
 SLIDE = 3e-4  # m in a step, 0.0055 rad of the cylinder
+BOTH = pytest.mark.parametrize("cable", [CABLE, LIMP], ids=["with bending", "without"])
 
 
-def sliding() -> Drum:
+def sliding(cable: Cable) -> Drum:
     """Pulled up over the cylinder, all of it sliding."""
-    return settled(begun(Friction.SIGNUM, FrictionLaw(coefficient=MU)), 10 * SLIDE, 10)
+    return settled(begun(Friction.SIGNUM, FrictionLaw(coefficient=MU), cable=cable), 10 * SLIDE, 10)
 
 
-def held(share: float) -> tuple[Drum, float]:
+def held(share: float, cable: Cable) -> tuple[Drum, float]:
     """Let back by micrometres until the tensions are at a share of the limit, everything sticking; and how far the gripper is lowered."""
-    drum = sliding()
+    drum = sliding(cable)
     for _ in range(2):
         drum = drum.moved(10 * SLIDE)
     low, high = 10 * SLIDE - 3e-6, 10 * SLIDE
@@ -41,19 +43,26 @@ def test_the_closed_form_is_the_product_of_small_turns() -> None:
     assert (1 + MU * np.pi / turns) ** turns == pytest.approx(LIMIT, rel=1e-6)
 
 
-@pytest.mark.parametrize(("mu", "segments", "back_steps"), [(0.05, 48, 10), (0.3, 48, 10), (0.6, 96, 8)])
-def test_the_tensions_of_a_sliding_cable_are_as_exp_of_mu_theta_both_ways(mu: float, segments: int, back_steps: int) -> None:
-    """Measured 0.24, 0.60 and 0.25 % up, 0.03, 0.26 and 0.1 % down. With 0.6 the tenth step back finds no shape from the ninth."""
-    drum = settled(begun(Friction.SIGNUM, FrictionLaw(coefficient=mu), segments), 10 * SLIDE, 10)
+@pytest.mark.parametrize(
+    ("mu", "segments", "back_steps", "cable"),
+    [(0.05, 48, 10, CABLE), (0.3, 48, 10, CABLE), (0.6, 96, 8, CABLE), (0.05, 48, 10, LIMP), (0.3, 48, 10, LIMP), (0.6, 96, 10, LIMP)],
+)
+def test_the_tensions_of_a_sliding_cable_are_as_exp_of_mu_theta_both_ways(mu: float, segments: int, back_steps: int, cable: Cable) -> None:
+    """Measured 0.24, 0.60 and 0.25 % up, 0.03, 0.26 and 0.1 % down; without bending 0.17, 0.48, 0.25 and 0.03, 0.35, 0.25 %.
+
+    With 0.6 the tenth step back of the cable that bends finds no shape from the ninth.
+    """
+    drum = settled(begun(Friction.SIGNUM, FrictionLaw(coefficient=mu), segments, cable), 10 * SLIDE, 10)
     assert drum.ratio_on_cylinder == pytest.approx(np.exp(mu * np.pi), rel=0.01)
     back = settled(drum, 0.0, 10, stop=back_steps)
     assert back.ratio_on_cylinder == pytest.approx(np.exp(-mu * np.pi), rel=0.01)
     assert back.sticking[0] == 0
 
 
-def test_below_the_limit_the_cable_holds_and_above_it_slides() -> None:
+@BOTH
+def test_below_the_limit_the_cable_holds_and_above_it_slides(cable: Cable) -> None:
     """At 95 % all of it sticks. To ask for 105 %, the gripper pulls on: the load comes along, and the tensions stay at the limit."""
-    drum, lowered = held(0.95)
+    drum, lowered = held(0.95, cable)
     assert drum.ratio == pytest.approx(0.95 * LIMIT, rel=1e-3)
     end = drum.shape.nodes[-1, 2]
     for _ in range(20):
@@ -64,9 +73,10 @@ def test_below_the_limit_the_cable_holds_and_above_it_slides() -> None:
     assert pulled.shape.nodes[-1, 2] - end == pytest.approx(10 * SLIDE, rel=1e-2)
 
 
+@BOTH
 @pytest.mark.parametrize("steps", [200, pytest.param(10_000, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])])
-def test_a_cable_below_the_limit_never_creeps(steps: int) -> None:
-    drum, lowered = held(0.95)
+def test_a_cable_below_the_limit_never_creeps(steps: int, cable: Cable) -> None:
+    drum, lowered = held(0.95, cable)
     drum = drum.moved(lowered)
     first = drum.shape.nodes
     for _ in range(steps):
@@ -94,7 +104,7 @@ def test_regularized_friction_comes_near_the_capstan_as_it_slides_faster() -> No
 
 
 def test_forces_and_moments_balance_with_friction() -> None:
-    shape = sliding().shape
+    shape = sliding(CABLE).shape
     at = np.column_stack([np.interp(shape.contact_s, shape.s, column) for column in shape.nodes.T])
     load = np.array([0.0, 0.0, -1.0])
     weight = 1e-6 * 9.81 * LENGTH
