@@ -18,7 +18,7 @@ import numpy as np
 
 from protocol.messages import Shape
 
-from .distances import Triple, ahead, dot, leaf, length, minus, row
+from .distances import Triple, ahead, dot, fixed, leaf, length, minus, row
 from .self_touch import between, nearest
 
 
@@ -34,7 +34,7 @@ def way_of(before: Shape, after: Shape) -> Way | None:
     """Of a cable from one shape to another; None if they are on other nodes."""
     if not np.array_equal(before.s, after.s):
         return None
-    return Way(np.ascontiguousarray(before.nodes), np.ascontiguousarray(after.nodes), np.ascontiguousarray(before.s))
+    return Way(fixed(before.nodes), fixed(after.nodes), fixed(before.s))
 
 
 def may_go(first: Way | None, second: Way | None, radius: float, *, is_own: bool) -> bool:

@@ -41,6 +41,13 @@ def leaf(function: Function) -> Function:
     return cast(Function, compiled)
 
 
+def fixed(array: np.ndarray, kind: type = np.float64) -> np.ndarray:
+    """The array, read-only always: numba compiles anew for arrays that may be written to and those that may not."""
+    view: np.ndarray = np.ascontiguousarray(array, dtype=kind).view()
+    view.setflags(write=False)
+    return view
+
+
 @leaf
 def row(rows: np.ndarray, index: int) -> Triple:
     """Row of a (m, 3) array as a triple."""

@@ -136,7 +136,7 @@ class Loop:
         if before is None or is_last:
             done.cables = done.cables if done.is_settled else unsettled(done.cables, UNSETTLED)
             return goal, done
-        if done.is_settled and not done.may_have_passed:
+        if done.may_stay(self._stage.tolerance, depth):
             return goal, done
         middle = self._stage.between(0.5 * (before.posture.time + goal.time), before.posture.joints)
         posture, first = self._go(step, middle, before, depth + 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -13,6 +14,9 @@ from protocol.messages import Audited, Bill, Problem, Shape, TouchPoints
 from .crossed import Crossed
 from .hanging import Hanging
 from .stage import Posture, Stage
+
+LEAP: Final = 10.0  # times the tolerance, an error that is not the mesh's
+LEAPS_MOST: Final = 3  # halvings for that
 
 
 @dataclass
@@ -46,6 +50,18 @@ class Try:
     def has_shapes(self) -> bool:
         """Whether every cable has one."""
         return all(cable.shape.outcome is Outcome.CONVERGED for cable in self.cables)
+
+    def may_stay(self, tolerance: float, depth: int) -> bool:
+        """Whether the step is done: settled, past nothing, and not with a leap of its error where cables rub on each other.
+
+        Such an error is that of two meshes, on one of which a cable sticks and slides on the other. It is as large on any mesh, and small
+        in a smaller step.
+        """
+        if not self.is_settled or self.may_have_passed:
+            return False
+        if depth >= LEAPS_MOST or self.crossed is None or not any(pair.mu for pair in self.crossed.pairs):
+            return True
+        return all(cable.shape.error is None or cable.shape.error < LEAP * tolerance for cable in self.cables)
 
 
 @dataclass(frozen=True)

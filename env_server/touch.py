@@ -32,7 +32,7 @@ from protocol.errors import SceneError
 
 from . import edges
 from .beyond import find
-from .distances import shortest, total
+from .distances import fixed, shortest, total
 from .hits import FACE
 from .skin import Lists, lists, no_lists
 from .surface import Surface, join
@@ -122,8 +122,8 @@ class Touch:
         Raises:
             SceneError: If an array has a wrong shape or a value that is not finite.
         """
-        nodes, poses = _fixed(nodes, np.float64), _fixed(poses, np.float64)
-        mask = _fixed(NOTHING if excluded is None else excluded, np.bool_)
+        nodes, poses = fixed(nodes, np.float64), fixed(poses, np.float64)
+        mask = fixed(NOTHING if excluded is None else excluded, np.bool_)
         self._check(nodes, poses, radius, reach, excluded)
         known, capacity = self._lists(cable, len(nodes) - 1), 64 + 8 * len(nodes)
         while True:
@@ -155,13 +155,6 @@ class Touch:
         # A zero quaternion would put the body nowhere, and its contacts would vanish without a word.
         if not shortest(poses) > 0.7:
             raise SceneError("poses: every quaternion must have length 1", key="poses")
-
-
-def _fixed(array: np.ndarray, kind: type) -> np.ndarray:
-    """The array, read-only always: numba compiles anew for arrays that may be written to and those that may not."""
-    view: np.ndarray = np.ascontiguousarray(array, dtype=kind).view()
-    view.setflags(write=False)
-    return view
 
 
 def warm_up() -> None:

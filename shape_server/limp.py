@@ -6,7 +6,7 @@ from step to step. A rod does. Its stiffness
     EI = F (`LAYER` tolerance)^2   [N m^2],
 
 with F the largest force at a grasp of the start shape, or the weight, gives it layers of a tenth of the tolerance, so that it bends at
-its nodes like a chain; rows about wide bodies are measured from straight segments then (`system`). Clamps are hinges to it. What that much
+its nodes like a chain; rows are measured from straight segments then (`system`). Clamps are hinges to it. What that much
 bending moves (`effects.bending`) is added to the error.
 """
 
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
-from protocol.kinds import Feature, Hold, Model, Outcome
+from protocol.kinds import Hold, Model, Outcome
 from protocol.messages import Problem, Shape
 from protocol.scene import Vector
 
@@ -30,15 +30,6 @@ if TYPE_CHECKING:
 
 LAYER: Final = 0.1  # of the tolerance
 LEAST: Final = 1e-6  # of the length, no layer is shorter than that
-THIN: Final = "A cable without bending that lies on a face and over a thin edge at once is not built; give it 'bending' and 'twist'."
-
-
-def _has_thin(problem: Problem) -> bool:
-    """Whether an edge or a point within reach is thinner than the segments of the start shape."""
-    contacts, start = problem.contacts, problem.start
-    if contacts is None or start is None:
-        return False
-    return bool((contacts.distance[contacts.feature != Feature.FACE] < np.diff(start.s).max()).any())
 
 
 def softly(problem: Problem, gravity: Vector, tolerance: float, budget: float | None, plainly: Plainly) -> Shape:
@@ -53,7 +44,7 @@ def softly(problem: Problem, gravity: Vector, tolerance: float, budget: float | 
     soft = problem.altered(cable=replace(cable, bending=stiffness, twist=stiffness), grasps=grasps, model=Model.ROD)
     shape = plainly(soft, gravity, tolerance, budget)
     if shape.outcome is not Outcome.CONVERGED:
-        return shape.altered(sentence=f"{shape.sentence} {THIN}") if _has_thin(problem) else shape
+        return shape
     moved = bending.size(soft, gravity, seen_in(soft, gravity, shape))
     return msgspec.structs.replace(
         shape,

@@ -238,7 +238,7 @@ def _touch(problem: Problem, used: tuple[str, ...], mesh: Mesh, touching: Any) -
 
 
 def _are_straight(problem: Problem, matter: Matter, mesh: Mesh, touch: np.ndarray) -> np.ndarray:
-    """For which rows (m,) the cable is too soft to round its nodes, about bodies wider than its segments are long.
+    """For which rows (m,) the cable is too soft to round its nodes.
 
     There the bulge of `contact_geometry` lets neighbouring segments rock to and fro at no cost, and no shape is stable.
     """
@@ -246,7 +246,7 @@ def _are_straight(problem: Problem, matter: Matter, mesh: Mesh, touch: np.ndarra
     pull = max(matter.weight, 0.0 if start is None else float(np.linalg.norm(start.grasp_forces, axis=1).max(initial=0.0)))
     length = mesh.lengths[touch["element"]]
     is_soft = matter.elastic.law[touch["element"], :2].min(axis=1) < pull * (SOFT * length) ** 2
-    return np.asarray(is_soft & (touch["distance"] > length))
+    return np.asarray(is_soft)
 
 
 def _rub(problem: Problem, used: tuple[str, ...], mesh: Mesh, touch: np.ndarray) -> tuple[Rub, np.ndarray]:

@@ -45,8 +45,8 @@ def cases() -> Iterator[Case]:
     for height in (0.02, 0.05, 0.1):
         yield Case(f"floor that rises by {height:g} m under it", FAMILY, partial(_floor, height, Friction.NONE))
         yield Case(f"rough floor that rises by {height:g} m under it", FAMILY, partial(_floor, height, Friction.SIGNUM))
-    for tolerance in (2e-3, 1e-3, 2e-4):
-        yield Case(f"block that lifts it, tolerance of {tolerance:g} m", FAMILY, partial(_block, tolerance), may_decline=True)
+    for tolerance in (2e-3, 1e-3):
+        yield Case(f"block that lifts it, tolerance of {tolerance:g} m", FAMILY, partial(_block, tolerance), is_slow=True)
 
 
 def _hanging(bodies: tuple[Body, ...], *moves: Any, **fields: Any) -> Scene:
@@ -123,9 +123,9 @@ def _floor(height: float, kind: Friction, asker: Asker) -> Iterable[Check]:
 
 
 def _block(tolerance: float, asker: Asker) -> Iterable[Check]:
-    """It lies on a face and hangs over two edges, which is not built."""
+    """It lies on a face and hangs over two edges; a polygon cuts a sharp bend off, by less than the tolerance."""
     block = Body("body", mesh="block", position=(0.0, 0.0, LOWEST - 0.05))
     with playing(_hanging((block,), move(Target(body="body", by=(0.0, 0.0, 0.1))), tolerance=tolerance), asker, shells=SHELLS) as played:
         played.to()
         yield _kinetic(played)
-        yield from played.checks(snaps=1)
+        yield from played.checks(snaps=1, deepest=tolerance)

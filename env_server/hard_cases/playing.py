@@ -76,10 +76,10 @@ class Played:
             pass
         return self.shape
 
-    def checks(self, *, snaps: int = 0) -> Iterator[Check]:
-        """What every case measures at its end, with as many snaps at most as it allows."""
+    def checks(self, *, snaps: int = 0, deepest: float = DEEPEST) -> Iterator[Check]:
+        """What every case measures at its end, with as many snaps and as deep in a body [m] at most as it allows."""
         shape, posture = self.shape, self.now.posture
-        yield Check("deepest in a body", self.deepest, DEEPEST)
+        yield Check("deepest in a body", self.deepest, deepest)
         grasps = self.stage.grasps(self.stage.scene.cables[0].name, posture)
         yield Check("distance from a grasp", float(np.linalg.norm(points_at(shape, grasps.s) - grasps.position, axis=1).max()), 1e-7)
         yield Check("snaps", len(self.snaps), snaps + 0.5, "of them")

@@ -7,6 +7,7 @@ import pytest
 from test_distances import distance_between_segments
 
 from env_server.apart import Way, may_go, stay_apart
+from env_server.distances import fixed
 
 RADIUS = 0.005  # m
 
@@ -17,7 +18,7 @@ def straight(start: tuple[float, float, float], end: tuple[float, float, float],
 
 def way(before: np.ndarray, after: np.ndarray) -> Way:
     steps = np.linalg.norm(np.diff(before, axis=0), axis=1)
-    return Way(before, after, np.append(0.0, np.cumsum(steps)))
+    return Way(fixed(before), fixed(after), fixed(np.append(0.0, np.cumsum(steps))))
 
 
 def nearest_on_the_way(first: Way, second: Way, skip: float = -1.0) -> float:
