@@ -131,7 +131,7 @@ def _search_body(
         near_count = -1
         if keeps_lists:
             if holds(narrow, body, segment, start, end, limit):
-                near_count = recalled(narrow, body, segment, near, masks)
+                near_count = recalled(narrow, known.narrow_names, body, segment, near, masks)
             else:
                 near_count = renew(known, features, tree, body, segment, start, end, limit)
         is_listed = near_count >= 0

@@ -40,18 +40,18 @@ FACE_BIT, FIRST_EDGE, FIRST_VERTEX = 1, 2, 16  # features of a triangle; twice a
 ALL: Final = 127
 
 
-LIST: Final = np.dtype(
-    [("box", np.float64, (6,)), ("limit", np.float64), ("count", np.int64), ("triangles", np.int32, (ROOM,)), ("masks", np.int32, (ROOM,))]
-)
-"""The list of one segment: box [m] in the frame of the body, empty where nothing is listed; distance [m] up to which it holds; how many
-triangles, -1 if they are too many; which, and which of their features may be touched."""
+LIST: Final = np.dtype([("box", np.float64, (6,)), ("limit", np.float64), ("count", np.int64)])
+"""Whether the list of a segment holds: box [m] in the frame of the body, empty where nothing is listed, and distance [m]; how many
+triangles, -1 if they are too many."""
 
 
 class Lists(NamedTuple):
-    """Both lists for every surface and segment, arrays (b, n-1) of `LIST` that the search writes to."""
+    """Both lists for every surface and segment, in arrays that the search writes to; which triangles, and which of their features."""
 
-    wide: np.ndarray
-    narrow: np.ndarray
+    wide: np.ndarray  # (b, n-1) of `LIST`
+    narrow: np.ndarray  # (b, n-1) of `LIST`
+    wide_names: np.ndarray  # (b, n-1, ROOM, 2) int, triangle and mask
+    narrow_names: np.ndarray  # (b, n-1, ROOM, 2) int
 
 
 class Tree(NamedTuple):
@@ -69,7 +69,9 @@ def lists(bodies: int, segments: int) -> Lists:
     """Lists in which nothing stands yet."""
     empty = np.zeros((bodies, segments), dtype=LIST)
     empty["box"] = [np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf]
-    return Lists(empty.copy(), empty.copy())
+    # Not filled, so that they cost nothing until they are written to.
+    names = (np.empty((bodies, segments, ROOM, 2), dtype=np.int32) for _ in range(2))
+    return Lists(empty.copy(), empty, *names)
 
 
 def no_lists() -> Lists:
@@ -91,37 +93,37 @@ def holds(known: np.ndarray, body: int, segment: int, start: Triple, end: Triple
 
 
 @leaf
-def recalled(known: np.ndarray, body: int, segment: int, near: np.ndarray, masks: np.ndarray) -> int:
+def recalled(known: np.ndarray, names: np.ndarray, body: int, segment: int, near: np.ndarray, masks: np.ndarray) -> int:
     """Copy the list of a segment, with its masks, and return how long it is; -1 where there is none."""
     found = known[body, segment].count
     for place in range(found):
-        near[place], masks[place] = known[body, segment].triangles[place], known[body, segment].masks[place]
+        near[place], masks[place] = names[body, segment, place, 0], names[body, segment, place, 1]
     return int(found)
 
 
 @leaf
 def renew(known: Lists, features: Features, tree: Tree, body: int, segment: int, start: Triple, end: Triple, limit: float) -> int:
     """Make a list of a segment anew, the narrow one if the wide one holds, and copy it as `recalled` does."""
-    narrow, wide = known.narrow, known.wide
+    wide = known.wide
     is_narrow = holds(wide, body, segment, start, end, limit)
-    made, skin = (narrow, NARROW) if is_narrow else (wide, SKIN)
+    made, names, skin = (known.narrow, known.narrow_names, NARROW) if is_narrow else (wide, known.wide_names, SKIN)
     for axis in range(3):
         low, high = min(start[axis], end[axis]) - skin, max(start[axis], end[axis]) + skin
         made[body, segment].box[axis] = max(low, wide[body, segment].box[axis]) if is_narrow else low
         made[body, segment].box[axis + 3] = min(high, wide[body, segment].box[axis + 3]) if is_narrow else high
     if is_narrow:
         made[body, segment].limit = min(limit + skin, wide[body, segment].limit)
-        found = recalled(wide, body, segment, tree.near, tree.masks)
+        found = recalled(wide, known.wide_names, body, segment, tree.near, tree.masks)
     else:
         made[body, segment].limit = limit + skin
         # Around the segment by skin and limit: all leaves that a walk from inside the box can find.
         found = gather(tree.boxes, tree.depth, start, end, limit + 2.0 * skin + SLACK, tree.triangles, tree.near, tree.stack)
-    made[body, segment].count = _list(made, features, tree, body, segment, found) if found > 0 else found
-    return recalled(made, body, segment, tree.near, tree.masks)
+    made[body, segment].count = _list(made, names, features, tree, body, segment, found) if found > 0 else found
+    return recalled(made, names, body, segment, tree.near, tree.masks)
 
 
 @leaf
-def _list(known: np.ndarray, features: Features, tree: Tree, body: int, segment: int, found: int) -> int:
+def _list(known: np.ndarray, names: np.ndarray, features: Features, tree: Tree, body: int, segment: int, found: int) -> int:
     """Write those of the triangles found that may matter; return how many, -1 if there is no room for them."""
     box, limit, count = known[body, segment].box, known[body, segment].limit + SLACK, 0
     middle = (0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), 0.5 * (box[2] + box[5]))
@@ -147,7 +149,7 @@ def _list(known: np.ndarray, features: Features, tree: Tree, body: int, segment:
             continue
         if count == ROOM:
             return -1
-        known[body, segment].triangles[count], known[body, segment].masks[count] = triangle, mask
+        names[body, segment, count, 0], names[body, segment, count, 1] = triangle, mask
         count += 1
     return count
 

@@ -33,7 +33,7 @@ AT_REST = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
 CASES = [(100, 40_000, 0.3), (400, 240_000, 1.5)]  # segments, triangles, ms asked for
 AGAIN = 0.15  # ms asked for of a search with lists that stay valid
 MOTION = 2e-5  # m between two searches; lists are made anew once in hundreds of them
-SPARE_AGAIN = {100: 1.0, 400: 2.0}  # 0.05 and 0.14 ms were measured, and 0.2 in the minutes when the machine takes twice as long for all
+SPARE_AGAIN = {100: 1.0, 400: 2.0}  # 0.05 and 0.14 ms were measured, and 0.25 in the minutes when the machine takes twice as long for all
 Mesh = tuple[np.ndarray, np.ndarray]
 
 
