@@ -82,7 +82,7 @@ def free_share(rigid: Rigid, was: Sequence[Hanging], now: Sequence[Hanging], cro
         segment = np.maximum(_motion(before.shape, after.shape), 1e-12)
         farthest = max(farthest, float(segment.max()))
         moved.append(segment)
-        ways.append(way_of(before.shape, after.shape))
+        ways.append(way_of(before.shape, after.shape) if before.own is not None or crossed is not None else None)
         for clearance, motion in ((before.bodies.clearance, rigid.bodies), (before.links.clearance, rigid.links)):
             share = min(share, float(((clearance - motion) / segment).min()))
         if before.own is not None:
