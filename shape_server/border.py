@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .inclined import inclined_rows
-from .jitted import kernel
+from .jitted import inlined, kernel
 from .rod import Rub, is_active
 from .strand_rows import Spread, no_spread, strand_rows
 
@@ -41,7 +41,7 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     """
     is_exact = soft[0] == 0.0
     points, bond = rod.held.rows, rod.held.rows["bond"]
-    held = np.array([row for row in range(len(bond)) if is_active(bond, state.holds, row)], dtype=np.int64)
+    held = _active(bond, state.holds)
     contacts = np.flatnonzero(~is_far(state, view, near)) if is_exact else np.flatnonzero(state.touches)
     bent, rows, saddles = _bent(rod, state, view)
     rubs = _rubbing(rod, state, contacts) if is_exact else np.flatnonzero(state.ease > 0.0)
@@ -86,11 +86,23 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _active(bond, holds):  # type: ignore[no-untyped-def]
+    """Which rows of held points hold (h,)."""
+    out, count = np.empty(len(bond), dtype=np.int64), 0
+    for row in range(len(bond)):
+        if is_active(bond, holds, row):
+            out[count] = row
+            count += 1
+    return out[:count]
+
+
+@kernel
 def is_far(state, view, near):  # type: ignore[no-untyped-def]
     """Which contacts (m,) are open by more than `near` [m]."""
-    far = np.zeros(len(state.push), dtype=np.bool_)
+    push, touches, gap = state.push, state.touches, view.gap
+    far = np.empty(len(push), dtype=np.bool_)
     for row in range(len(far)):
-        far[row] = state.push[row] == 0.0 and not state.touches[row] and view.gap[row] > near
+        far[row] = push[row] == 0.0 and not touches[row] and gap[row] > near
     return far
 
 
@@ -118,7 +130,7 @@ def laws_among(rod, contacts, rubs):  # type: ignore[no-untyped-def]
     return rub_of, Rub(rod.rub.rows[rubs], rod.rub.tables, rod.rub.time_step)
 
 
-@kernel
+@inlined
 def _add_rubs(rod, state, view, rubs, hard, at, element, fraction, vector, compliance, residual):  # type: ignore[no-untyped-def]
     """Two rows along the surface for every contact that rubs; exact ones with `hard` [m/N], others with their own ease."""
     own = rod.rub.rows
@@ -136,16 +148,22 @@ def _bent(rod, state, view):  # type: ignore[no-untyped-def]
     chosen, rows, saddles = np.empty(len(state.push), dtype=np.int64), 0, 0
     count = 0
     for c in range(len(state.push)):
-        if state.push[c] > 1e-9 * rod.force_scale and np.any(view.slide[c] != 0.0):
+        if state.push[c] > 1e-9 * rod.force_scale and _is_any(view.slide[c]):
             chosen[count] = c
             count += 1
             slides = view.numbers[c, 0] != 0.0
-            rows += (2 if slides else 1) + (1 if np.any(view.across[c] != 0.0) else 0)
+            rows += (2 if slides else 1) + (1 if _is_any(view.across[c]) else 0)
             saddles += 1 if slides else 0
     return chosen[:count], rows, saddles
 
 
 @kernel
+def _is_any(vector):  # type: ignore[no-untyped-def]
+    """Whether a vector (3,) is not zero."""
+    return vector[0] != 0.0 or vector[1] != 0.0 or vector[2] != 0.0
+
+
+@inlined
 def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, compliance):  # type: ignore[no-untyped-def]
     """Rows that carry the curvature of an edge or a vertex, see `contact_geometry`; returns the next free row.
 
@@ -167,7 +185,7 @@ def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, 
     else:
         compliance[at, at] = -distance / push
         at += 1
-    if np.any(view.across[c] != 0.0):
+    if _is_any(view.across[c]):
         vector[at] = view.across[c]
         compliance[at, at] = -distance / push
         at += 1

@@ -6,6 +6,8 @@ import numpy as np
 
 from .jitted import kernel
 
+SHORT = 0.01  # squared half turn below which five terms of the series of sine and cosine are exact to rounding
+
 
 @kernel
 def directors(frames):  # type: ignore[no-untyped-def]
@@ -58,9 +60,14 @@ def retract(frames, turn):  # type: ignore[no-untyped-def]
     out = np.empty_like(frames)
     for j in range(frames.shape[0]):
         t0, t1, t2 = 0.5 * turn[j, 0], 0.5 * turn[j, 1], 0.5 * turn[j, 2]
-        angle = np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-        s = np.sin(angle) / angle if angle > 1e-8 else 1.0 - angle * angle / 6.0
-        bx, by, bz, bw = s * t0, s * t1, s * t2, np.cos(angle)
+        q = t0 * t0 + t1 * t1 + t2 * t2
+        if q < SHORT:
+            s = 1.0 - q * (1 / 6 - q * (1 / 120 - q * (1 / 5040 - q / 362880)))
+            bw = 1.0 - q * (1 / 2 - q * (1 / 24 - q * (1 / 720 - q / 40320)))
+        else:
+            angle = np.sqrt(q)
+            s, bw = np.sin(angle) / angle, np.cos(angle)
+        bx, by, bz = s * t0, s * t1, s * t2
         ax, ay, az, aw = frames[j, 0], frames[j, 1], frames[j, 2], frames[j, 3]
         x = aw * bx + ax * bw + ay * bz - az * by
         y = aw * by - ax * bz + ay * bw + az * bx

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from .jitted import kernel
-from .symmetric import solve_symmetric
+from .symmetric import condense, part, solve_symmetric
 
 EXCHANGES_MAX = 200
 PATIENCE = 3  # block exchanges allowed without progress
@@ -50,16 +50,7 @@ def close(matrix, right, first_contact, contact_count, push, is_exact):  # type:
     rows = np.arange(count)
     free = rows[first_contact : first_contact + contact_count]
     fixed = np.concatenate((rows[:first_contact], rows[first_contact + contact_count :]))
-    own, rest = part(matrix, free, free), right[free]
-    solved, positive = np.empty((len(fixed), contact_count + 1)), 0
-    if len(fixed) > 0:
-        both = np.empty((len(fixed), contact_count + 1))
-        both[:, :contact_count] = part(matrix, fixed, free)
-        both[:, contact_count] = right[fixed]
-        solved, positive = solve_symmetric(part(matrix, fixed, fixed), both)
-        coupling = part(matrix, free, fixed)
-        own = own - coupling @ np.ascontiguousarray(solved[:, :contact_count])
-        rest = rest - coupling @ np.ascontiguousarray(solved[:, contact_count])
+    own, rest, solved, positive = condense(matrix, right, fixed, free)
     force, own_positive = complementary(own, rest + own @ push, push > 0.0)
     closed = force > 0.0
     # An open contact has lost whatever force it had.
@@ -102,13 +93,3 @@ def complementary(matrix, right, guess):  # type: ignore[no-untyped-def]
             wrong = wrong[-1:]
         closed[wrong] = ~closed[wrong]
     return np.maximum(force, 0.0), positive
-
-
-@kernel
-def part(matrix, rows, columns):  # type: ignore[no-untyped-def]
-    """Rows and columns of a matrix, by their numbers."""
-    out = np.empty((len(rows), len(columns)))
-    for i in range(len(rows)):
-        for j in range(len(columns)):
-            out[i, j] = matrix[rows[i], columns[j]]
-    return out

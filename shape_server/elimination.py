@@ -58,7 +58,7 @@ def factor_and_solve(diagonal, upper, right):  # type: ignore[no-untyped-def]
                     block[r, c] -= u[0, r] * g[0, c] + u[1, r] * g[1, c] + u[2, r] * g[2, c]
                 for k in range(many):
                     right[i, r, k] -= g[0, r] * right[i - 1, 0, k] + g[1, r] * right[i - 1, 1, k] + g[2, r] * right[i - 1, 2, k]
-        negative += _invert(block, inverse[i])
+        negative += invert(block, inverse[i])
         for r in range(3):
             for c in range(3):
                 carry[i, r, c] = inverse[i, r, 0] * upper[i, 0, c] + inverse[i, r, 1] * upper[i, 1, c] + inverse[i, r, 2] * upper[i, 2, c]
@@ -75,7 +75,7 @@ def factor_and_solve(diagonal, upper, right):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _invert(block, out):  # type: ignore[no-untyped-def]
+def invert(block, out):  # type: ignore[no-untyped-def]
     """Inverse of a symmetric 3x3 block and the number of its negative eigenvalues, from the signs of the minors."""
     a, b, c = block[0, 0], block[0, 1], block[0, 2]
     d, e, f = block[1, 1], block[1, 2], block[2, 2]

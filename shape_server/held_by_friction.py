@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .closing import part
 from .jitted import kernel
-from .symmetric import solve_symmetric
+from .symmetric import part, solve_symmetric
 
 
 @kernel

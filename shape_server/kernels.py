@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .assembly import assemble as assemble
 from .band import eliminate as eliminate
 from .border import border_rows as border_rows
 from .chain import carried_forces as carried_forces
@@ -40,6 +41,9 @@ from .newton import unbalanced as unbalanced
 from .rod import energy as energy
 from .rod import look as look
 from .rod import node_forces as node_forces
+from .schur import complement as complement
+from .schur import turns as turns
+from .schur import whole as whole
 from .section_forces import section_forces as section_forces
 from .section_forces import twist_of as twist_of
 from .smoothing import add_smoothing as add_smoothing
@@ -51,6 +55,6 @@ from .strand_rows import curvature as curvature
 from .strands import apart as apart
 from .strands import shares as shares
 from .strands import slide as slide
+from .symmetric import condense as condense
 from .symmetric import solve_symmetric as solve_symmetric
-from .vertices import assemble as assemble
 from .vertices import elastic_energy as elastic_energy

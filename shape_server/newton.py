@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .assembly import assemble
 from .axial import add_give
-from .band import eliminate
 from .bend_limit import add_limit
 from .border import SOFTNESS, border_rows, is_far
 from .chain import carried_forces
@@ -26,10 +26,10 @@ from .closing import close
 from .elimination import columns
 from .jitted import inlined, kernel
 from .rod import is_active, node_forces
+from .schur import complement, turns
 from .smoothing import add_smoothing
 from .stick_slip import close_rubbing
 from .strand_rows import add_spread
-from .vertices import assemble
 
 AHEAD = 2.0  # times how far held points and contacts are off: a contact open by more is not expected to close in this step
 NOT_ROUND = 1e-5  # of the stiffness that holds the roll of a round cable
@@ -178,13 +178,8 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     border = border_rows(rod, state, view, soft, near)
     matrix = border_columns(rod, view, border, carried, diagonal)
     count, held, contacts = len(border.element), border.held, border.contacts
-    right = np.empty((len(gradient), 3, count + 1))
-    right[:, :, :count] = matrix
-    right[:, :, count] = gradient
-    negative = eliminate(diagonal, upper, beyond, right)
-    answers = right.reshape(3 * len(gradient), count + 1)
-    schur = matrix.reshape(3 * len(gradient), count).T @ answers
-    matrix_of_rows, right_of_rows = np.ascontiguousarray(schur[:, :count]) + border.compliance, schur[:, count] - border.residual
+    schur = complement(diagonal, upper, beyond, matrix, gradient, _last_segments(border, rod.base, len(gradient)))
+    matrix_of_rows, right_of_rows = schur.matrix + border.compliance, schur.right - border.residual
     force, push, touches, drag, sticks = state.force.copy(), state.push.copy(), state.touches.copy(), state.drag.copy(), state.sticks
     if is_exact and len(border.rubs) > 0:
         hard = SOFTNESS / rod.force_scale
@@ -197,21 +192,32 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     for k in range(len(border.rubs)):
         for axis in range(2):
             drag[border.rubs[k], axis] += change[count - 2 * (len(border.rubs) - k) + axis]
-    answer = np.append(change, -1.0)
-    turn = (answers @ answer).reshape(-1, 3)
+    turn = turns(schur, change)
     force[held] += change[: len(held)]
     push[contacts] += change[len(held) : len(held) + len(contacts)]
     touches[contacts] = closed
     push[~touches] = 0.0
-    is_stable = negative + positive == len(held) + closed.sum() + border.saddles + rubbing
-    slope = (gradient * turn).sum()
-    bent = (turn.reshape(-1) @ matrix.reshape(3 * len(gradient), count)) @ change - slope  # turn . H turn
-    size = 0.0
+    is_stable = schur.negative + positive == len(held) + closed.sum() + border.saddles + rubbing
+    slope, size = 0.0, 0.0
     for j in range(len(turn)):
+        slope += gradient[j, 0] * turn[j, 0] + gradient[j, 1] * turn[j, 1] + gradient[j, 2] * turn[j, 2]
         size += rod.lengths[j] * (turn[j, 0] * turn[j, 0] + turn[j, 1] * turn[j, 1] + turn[j, 2] * turn[j, 2])
+    bent = change @ (schur.matrix @ change - schur.right) - slope  # turn . H turn, of which the last but one is C^T turn
     stiffness = bent / size if size > 0.0 else np.inf
     couple = _largest_couple(gradient, rod.lengths)
     return Step(turn, force, push, touches, drag, sticks, is_stable, couple, slope, stiffness, is_solved)
+
+
+@kernel
+def _last_segments(border, base, count):  # type: ignore[no-untyped-def]
+    """The last segment (m,) at which each column may not be zero; rows without a vector of their own are spread over nodes."""
+    last = np.empty(len(border.element), dtype=np.int64)
+    for row in range(len(last)):
+        segment, vector = border.element[row], border.vector[row]
+        last[row] = segment if border.is_turn[row] or segment >= base else base - 1
+        if vector[0] == 0.0 and vector[1] == 0.0 and vector[2] == 0.0:
+            last[row] = count - 1
+    return last
 
 
 @kernel

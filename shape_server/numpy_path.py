@@ -13,6 +13,7 @@ import numpy as np
 from . import kernels
 from .interpreted import interpreted
 from .numpy_vertices import add_smoothing, assemble, elastic_energy, product, smoothing_energy
+from .schur import Schur
 from .symmetric import FLOOR
 
 Array = np.ndarray
@@ -87,6 +88,18 @@ def eliminate(diagonal: Array, upper: Array, beyond: Array, right: Array) -> int
     return negative
 
 
+def complement(diagonal: Array, upper: Array, beyond: Array, matrix: Array, gradient: Array, last: Array) -> Schur:
+    """Eliminate all segments, with every column as if it were not zero anywhere."""
+    found: Schur = _plain["whole"](diagonal, upper, beyond, matrix, gradient)
+    return found
+
+
+def turns(schur: Schur, change: Array) -> Array:
+    """Turns (n-1, 3) of the segments from what `complement` gives."""
+    out: Array = schur.solved[:, :, 1:] @ change - schur.solved[:, :, 0]
+    return out
+
+
 def retract(frames: Array, turn: Array) -> Array:
     """Frames turned by the rotation vectors `turn` (n-1, 3) in their own axes, with unit length."""
     half = 0.5 * turn
@@ -110,6 +123,14 @@ def solve_symmetric(matrix: Array, right: Array) -> tuple[Array, int]:
     return scale[:, None] * np.linalg.solve(scaled, scale[:, None] * right), positive
 
 
+def condense(matrix: Array, right: Array, fixed: Array, free: Array) -> tuple[Array, Array, Array, int]:
+    """A symmetric system with the unknowns `fixed` eliminated."""
+    both = np.column_stack([matrix[np.ix_(fixed, free)], right[fixed]])
+    solved, positive = solve_symmetric(matrix[np.ix_(fixed, fixed)], both)
+    coupling = matrix[np.ix_(free, fixed)]
+    return matrix[np.ix_(free, free)] - coupling @ solved[:, :-1], right[free] - coupling @ solved[:, -1], solved, positive
+
+
 _GIVEN = {
     function.__name__: function
     for function in (
@@ -123,8 +144,11 @@ _GIVEN = {
         columns,
         factor_and_solve,
         eliminate,
+        complement,
+        turns,
         retract,
         solve_symmetric,
+        condense,
     )
 }
 _plain: dict[str, Any] = interpreted({name: item for name, item in vars(kernels).items() if hasattr(item, "py_func")}, _GIVEN)
@@ -142,5 +166,5 @@ close_with_friction, stick_slip = _plain["close_with_friction"], _plain["stick_s
 drag_limit, normal_forces = _plain["drag_limit"], _plain["normal_forces"]
 add_spread, curvature, apart = _plain["add_spread"], _plain["curvature"], _plain["apart"]
 shares, slide, fix_gauge = _plain["shares"], _plain["slide"], _plain["fix_gauge"]
-advance, worst_miss = _plain["advance"], _plain["worst_miss"]
+advance, worst_miss, whole = _plain["advance"], _plain["worst_miss"], _plain["whole"]
 section_forces, twist_of = _plain["section_forces"], _plain["twist_of"]

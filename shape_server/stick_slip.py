@@ -21,12 +21,12 @@ from __future__ import annotations
 import numpy as np
 
 from .border import SOFTNESS, laws_among
-from .closing import PATIENCE, part
+from .closing import PATIENCE
 from .cones import interior, pressing, solved
 from .drag import drag_limit, sticks_at_rest
 from .held_by_friction import positive_and_held
 from .jitted import kernel
-from .symmetric import solve_symmetric
+from .symmetric import condense, part
 
 ROUNDS_MAX = 40
 LAW_DONE = 1e-9  # of the force, by which a sliding contact may miss its law
@@ -63,16 +63,7 @@ def close_with_friction(matrix, right, held, push, drag, rub_of, rub, hard):  # 
     rows, last = np.arange(count), count - 2 * rubs
     free = np.concatenate((rows[held : held + many], rows[last:]))
     fixed = np.concatenate((rows[:held], rows[held + many : last]))
-    own, rest = part(matrix, free, free), right[free]
-    solved = np.empty((len(fixed), len(free) + 1))
-    if len(fixed) > 0:
-        both = np.empty((len(fixed), len(free) + 1))
-        both[:, : len(free)] = part(matrix, fixed, free)
-        both[:, len(free)] = right[fixed]
-        solved, _ = solve_symmetric(part(matrix, fixed, fixed), both)
-        coupling = part(matrix, free, fixed)
-        own = own - coupling @ np.ascontiguousarray(solved[:, : len(free)])
-        rest = rest - coupling @ np.ascontiguousarray(solved[:, len(free)])
+    own, rest, solved, _ = condense(matrix, right, fixed, free)
     acting = np.concatenate((push, drag.reshape(-1)))
     force, sticks, is_solved = stick_slip(own, rest + own @ acting, rub_of, rub, hard, acting)
     closed = force[:many] > 0.0

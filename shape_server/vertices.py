@@ -50,67 +50,6 @@ def elastic_energy(frames, lengths, elastic, clamp_of_node, clamp_frames):  # ty
 
 
 @kernel
-def assemble(frames, axes, lengths, pulled, elastic, clamp_of_node, clamp_frames, carried):  # type: ignore[no-untyped-def]
-    """Gradient (n-1, 3), diagonal (n-1, 3, 3) and upper blocks (n-1, 3, 3) of energy less the work of the forces.
-
-    Args:
-        frames: (n-1, 4).
-        axes: (n-1, 3, 3) directors.
-        lengths: (n-1,) [m] unstretched.
-        pulled: (n-1,) [m] as they are.
-        elastic: An `Elastic`.
-        clamp_of_node: (n,) index of the clamp at each node, -1 for none.
-        clamp_frames: (c, 4).
-        carried: (n-1, 3) [N] force that each segment hands on.
-    """
-    count = lengths.shape[0]
-    gradient = np.empty((count, 3))
-    diagonal = np.zeros((count, 3, 3))
-    upper = np.zeros((count, 3, 3))
-    for j in range(count):
-        h = pulled[j]
-        n0 = axes[j, 0, 0] * carried[j, 0] + axes[j, 0, 1] * carried[j, 1] + axes[j, 0, 2] * carried[j, 2]
-        n1 = axes[j, 1, 0] * carried[j, 0] + axes[j, 1, 1] * carried[j, 1] + axes[j, 1, 2] * carried[j, 2]
-        n2 = axes[j, 2, 0] * carried[j, 0] + axes[j, 2, 1] * carried[j, 1] + axes[j, 2, 2] * carried[j, 2]
-        gradient[j, 0], gradient[j, 1], gradient[j, 2] = h * n1, -h * n0, 0.0
-        diagonal[j, 0, 0] = h * n2
-        diagonal[j, 1, 1] = h * n2
-        diagonal[j, 0, 2] = diagonal[j, 2, 0] = -0.5 * h * n0
-        diagonal[j, 1, 2] = diagonal[j, 2, 1] = -0.5 * h * n1
-    rho, ga, gb = np.empty(4), np.empty(3), np.empty(3)
-    haa, hab, hbb, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 3, 3))
-    law, bent = elastic.law, elastic.bent
-    for i in range(count + 1):
-        clamp = clamp_of_node[i]
-        if clamp >= 0:
-            if i > 0:
-                k = i - 1
-                vertex(frames[k], clamp_frames[clamp], 0.5 * lengths[k], CLAMP, law[k], bent[k], rho, ga, gb, haa, hab, hbb, work)
-                _add(gradient, diagonal, k, ga, haa)
-            if i < count:
-                vertex(clamp_frames[clamp], frames[i], 0.5 * lengths[i], CLAMP, law[i], bent[i], rho, ga, gb, haa, hab, hbb, work)
-                _add(gradient, diagonal, i, gb, hbb)
-        elif 0 < i < count:
-            cell = 0.5 * (lengths[i - 1] + lengths[i])
-            law_here, bent_here = elastic.node_law[i], elastic.node_bent[i]
-            vertex(frames[i - 1], frames[i], cell, INNER, law_here, bent_here, rho, ga, gb, haa, hab, hbb, work)
-            _add(gradient, diagonal, i - 1, ga, haa)
-            _add(gradient, diagonal, i, gb, hbb)
-            for r in range(3):
-                for c in range(3):
-                    upper[i - 1, r, c] = hab[r, c]
-    return gradient, diagonal, upper
-
-
-@kernel
-def _add(gradient, diagonal, segment, slope, curve):  # type: ignore[no-untyped-def]
-    for r in range(3):
-        gradient[segment, r] += slope[r]
-        for c in range(3):
-            diagonal[segment, r, c] += curve[r, c]
-
-
-@kernel
 def strain_scale(scalar, cell, kind):  # type: ignore[no-untyped-def]
     """Curvature per vector part of the relative rotation whose scalar part is given [1/m]."""
     return (2.0 + 2.0 * kind) / (cell * max(kind + scalar, LEAST))

@@ -74,7 +74,7 @@ def test_both_paths_offer_the_same_functions() -> None:
     twins = {name for name in names if getattr(numpy_path, name).__module__ in (numpy_path.__name__, numpy_vertices.__name__)}
     assert twins == {
         "directors", "positions", "carried_forces", "elastic_energy", "assemble", "smoothing_energy", "add_smoothing", "columns",
-        "factor_and_solve", "eliminate", "retract", "solve_symmetric",
+        "factor_and_solve", "eliminate", "complement", "turns", "retract", "solve_symmetric", "condense",
     }  # fmt: skip
     for name in twins:
         compiled = list(inspect.signature(getattr(kernels, name).py_func).parameters)
@@ -228,6 +228,43 @@ def test_frames_tied_to_the_next_but_one_are_eliminated_too(path: ModuleType, co
     assert path.eliminate(diagonal, upper, beyond, solution) == (np.linalg.eigvalsh(matrix) < 0).sum()
     expected = np.linalg.solve(matrix, right.reshape(-1, 2)).reshape(count, 3, 2)
     np.testing.assert_allclose(solution, expected, atol=1e-8)
+
+
+@PATHS
+@pytest.mark.parametrize("is_tied", [False, True])
+@pytest.mark.parametrize("columns", [0, 1, 7, 30])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_complement_over_the_border_is_that_of_the_dense_matrix(path: ModuleType, seed: int, columns: int, is_tied: bool) -> None:
+    (diagonal, upper), rng = random_blocks(seed), np.random.default_rng(seed)
+    full, beyond = dense(diagonal, upper), np.zeros((12 if is_tied else 0, 3, 3))
+    for i in range(10 if is_tied else 0):
+        beyond[i] = rng.normal(size=(3, 3))
+        full[3 * i : 3 * i + 3, 3 * i + 6 : 3 * i + 9] = beyond[i]
+        full[3 * i + 6 : 3 * i + 9, 3 * i : 3 * i + 3] = beyond[i].T
+    last, gradient, change = rng.integers(0, 12, columns), rng.normal(size=(12, 3)), rng.normal(size=columns)
+    matrix = np.where(np.arange(12)[:, None, None] <= last, rng.normal(size=(12, 3, columns)), 0.0)
+    found = path.complement(diagonal, upper, beyond, matrix, gradient, last)
+    flat, inverse = matrix.reshape(36, columns), np.linalg.inv(full)
+    assert found.negative == (np.linalg.eigvalsh(full) < 0).sum()
+    np.testing.assert_allclose(found.matrix, flat.T @ inverse @ flat, atol=1e-8)  # measured 5e-10; indefinite, without pivoting
+    np.testing.assert_allclose(found.right, flat.T @ inverse @ gradient.ravel(), atol=1e-8)
+    np.testing.assert_allclose(path.turns(found, change).ravel(), inverse @ (flat @ change - gradient.ravel()), atol=1e-8)
+
+
+@PATHS
+@pytest.mark.parametrize("fixed", [0, 1, 5, 9])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_condensed_system_has_the_solution_of_the_whole(path: ModuleType, seed: int, fixed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix, right, mixed = rng.normal(size=(12, 12)), rng.normal(size=12), rng.permutation(12)
+    matrix = matrix + matrix.T
+    matrix[2, 2] = 0.0  # pivots come in pairs
+    gone, left = mixed[:fixed], mixed[fixed:]
+    own, rest, solved, positive = path.condense(matrix, right, gone, left)
+    expected = np.linalg.solve(matrix, right)
+    np.testing.assert_allclose(np.linalg.solve(own, rest), expected[left], atol=1e-9)  # measured 2e-11
+    np.testing.assert_allclose(solved[:, -1] - solved[:, :-1] @ expected[left], expected[gone], atol=1e-9)
+    assert positive == (np.linalg.eigvalsh(matrix[np.ix_(gone, gone)]) > 0).sum()
 
 
 @pytest.mark.parametrize("clamps", [[0, 4, 10], [4], []])
