@@ -94,3 +94,20 @@ def invert(block, out):  # type: ignore[no-untyped-def]
     out[1, 0], out[1, 1], out[1, 2] = x * scale, (a * f - c * c) * scale, (b * c - a * e) * scale
     out[2, 0], out[2, 1], out[2, 2] = y * scale, (b * c - a * e) * scale, minor * scale
     return (1 if a < 0 else 0) + (1 if minor / a < 0 else 0) + (1 if det / minor < 0 else 0)
+
+
+@kernel
+def work_of(diagonal, upper, beyond, turn):  # type: ignore[no-untyped-def]
+    """Curvature turn . H turn [J] along turns (n-1, 3); `beyond` may be empty."""
+    total, count = 0.0, len(turn)
+    for j in range(count):
+        for r in range(3):
+            value = 0.0
+            for c in range(3):
+                value += diagonal[j, r, c] * turn[j, c]
+                if j + 1 < count:
+                    value += 2.0 * upper[j, r, c] * turn[j + 1, c]
+                if j + 2 < count and len(beyond) > 0:
+                    value += 2.0 * beyond[j, r, c] * turn[j + 2, c]
+            total += turn[j, r] * value
+    return total

@@ -19,6 +19,7 @@ from .drag import drag_limit as drag_limit
 from .drag import normal_forces as normal_forces
 from .elimination import columns as columns
 from .elimination import factor_and_solve as factor_and_solve
+from .elimination import work_of as work_of
 from .equilibrium import advance as advance
 from .equilibrium import begin_stiffness as begin_stiffness
 from .equilibrium import descend as descend

@@ -23,7 +23,7 @@ from .bend_limit import add_limit
 from .border import SOFTNESS, border_rows, is_far
 from .chain import carried_forces
 from .closing import close
-from .elimination import columns
+from .elimination import columns, work_of
 from .jitted import inlined, kernel
 from .rod import is_active, node_forces
 from .schur import complement, turns
@@ -177,32 +177,32 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     is_exact = soft[0] == 0.0
     border = border_rows(rod, state, view, soft, near)
     matrix = border_columns(rod, view, border, carried, diagonal)
-    count, held, contacts = len(border.element), border.held, border.contacts
-    schur = complement(diagonal, upper, beyond, matrix, gradient, _last_segments(border, rod.base, len(gradient)))
-    matrix_of_rows, right_of_rows = schur.matrix + border.compliance, schur.right - border.residual
+    held, contacts = border.held, border.contacts
+    last = _last_segments(border, rod.base, len(gradient))
+    schur = complement(diagonal, upper, beyond, matrix, gradient, last, border.is_turn, border.compliance)
+    rows, right = schur.matrix, schur.right - border.residual[schur.kept]
     force, push, touches, drag, sticks = state.force.copy(), state.push.copy(), state.touches.copy(), state.drag.copy(), state.sticks
     if is_exact and len(border.rubs) > 0:
         hard = SOFTNESS / rod.force_scale
-        change, closed, slips_not, positive, rubbing, is_solved = close_rubbing(rod, state, matrix_of_rows, right_of_rows, border, hard)
+        change, closed, slips_not, positive, rubbing, is_solved = close_rubbing(rod, state, rows, right, border, hard)
         sticks = np.zeros(len(state.sticks), dtype=np.bool_)
         sticks[border.rubs] = slips_not
     else:
-        change, closed, positive = close(matrix_of_rows, right_of_rows, len(held), len(contacts), state.push[contacts], is_exact)
+        change, closed, positive = close(rows, right, len(held), len(contacts), state.push[contacts], is_exact)
         rubbing, is_solved = 2 * len(border.rubs), True
     for k in range(len(border.rubs)):
         for axis in range(2):
-            drag[border.rubs[k], axis] += change[count - 2 * (len(border.rubs) - k) + axis]
+            drag[border.rubs[k], axis] += change[len(change) - 2 * (len(border.rubs) - k) + axis]
     turn = turns(schur, change)
     force[held] += change[: len(held)]
     push[contacts] += change[len(held) : len(held) + len(contacts)]
     touches[contacts] = closed
     push[~touches] = 0.0
     is_stable = schur.negative + positive == len(held) + closed.sum() + border.saddles + rubbing
-    slope, size = 0.0, 0.0
+    slope, size, bent = 0.0, 0.0, work_of(diagonal, upper, beyond, turn)
     for j in range(len(turn)):
         slope += gradient[j, 0] * turn[j, 0] + gradient[j, 1] * turn[j, 1] + gradient[j, 2] * turn[j, 2]
         size += rod.lengths[j] * (turn[j, 0] * turn[j, 0] + turn[j, 1] * turn[j, 1] + turn[j, 2] * turn[j, 2])
-    bent = change @ (schur.matrix @ change - schur.right) - slope  # turn . H turn, of which the last but one is C^T turn
     stiffness = bent / size if size > 0.0 else np.inf
     couple = _largest_couple(gradient, rod.lengths)
     return Step(turn, force, push, touches, drag, sticks, is_stable, couple, slope, stiffness, is_solved)

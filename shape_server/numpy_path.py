@@ -88,9 +88,11 @@ def eliminate(diagonal: Array, upper: Array, beyond: Array, right: Array) -> int
     return negative
 
 
-def complement(diagonal: Array, upper: Array, beyond: Array, matrix: Array, gradient: Array, last: Array) -> Schur:
-    """Eliminate all segments, with every column as if it were not zero anywhere."""
-    found: Schur = _plain["whole"](diagonal, upper, beyond, matrix, gradient)
+def complement(
+    diagonal: Array, upper: Array, beyond: Array, matrix: Array, gradient: Array, last: Array, is_turn: Array, compliance: Array
+) -> Schur:
+    """Eliminate all segments, with every row kept and every column as if it were not zero anywhere."""
+    found: Schur = _plain["whole"](diagonal, upper, beyond, matrix, gradient, compliance)
     return found
 
 
@@ -166,5 +168,5 @@ close_with_friction, stick_slip = _plain["close_with_friction"], _plain["stick_s
 drag_limit, normal_forces = _plain["drag_limit"], _plain["normal_forces"]
 add_spread, curvature, apart = _plain["add_spread"], _plain["curvature"], _plain["apart"]
 shares, slide, fix_gauge = _plain["shares"], _plain["slide"], _plain["fix_gauge"]
-advance, worst_miss, whole = _plain["advance"], _plain["worst_miss"], _plain["whole"]
+advance, worst_miss, whole, work_of = _plain["advance"], _plain["worst_miss"], _plain["whole"], _plain["work_of"]
 section_forces, twist_of = _plain["section_forces"], _plain["twist_of"]

@@ -1,9 +1,17 @@
 """What the block-tridiagonal part leaves over the rows of the border, and the turns that belong to their forces, compiled.
 
-The Newton step needs S = C^T H^-1 C and one solution, not those of all columns. With H = L D L^T, eliminated from the last segment to
-the first, a column of C is zero until the elimination comes to the segment that its row is on: all of it begins there, and the columns are
-taken in the order in which they do. S is then the sum over the segments of (L^-1 C)^T D^-1 (L^-1 C), each over the columns that have
-begun.
+The Newton step needs S = C^T H^-1 C + B and one solution, not those of all columns. With H = L D L^T, eliminated from the last segment
+to the first, a column of C is zero until the elimination comes to the segment that its row is on: all of it begins there, and the columns
+are taken in the order in which they do. S is then the sum over the segments of (L^-1 C)^T D^-1 (L^-1 C), each over the columns that
+have begun.
+
+A row of the turn of one segment alone, as every edge that slides brings with it, is eliminated together with that segment: with its column
+b, its compliance beta, and phi minus its compliance with the other rows, D and L^-1 C of that segment are followed by one line more,
+
+    [ D    b   ]        [ L^-1 C ]
+    [ b^T -beta ],      [ phi    ],
+
+whose pivot is -s with s = b^T D^-1 b + beta.
 """
 
 from __future__ import annotations
@@ -16,21 +24,24 @@ from .band import eliminate
 from .elimination import invert
 from .jitted import kernel
 
+NOT_ZERO = 1e-14  # of its two terms, the least size of s
+
 
 class Schur(NamedTuple):
-    """The block-tridiagonal part, eliminated."""
+    """The block-tridiagonal part, eliminated, with the rows of single segments."""
 
-    matrix: np.ndarray  # (m, m) S
-    right: np.ndarray  # (m,) C^T H^-1 g
-    negative: int  # negative eigenvalues of H
-    order: np.ndarray  # (m,) int, the columns as they begin
-    begun: np.ndarray  # (n-1,) int, how many of them have at each segment
-    solved: np.ndarray  # (n-1, 3, m + 1), D^-1 L^-1 of g, then of the columns in that order; of no meaning where one has not begun
+    kept: np.ndarray  # (k,) int, which rows of the border are left
+    matrix: np.ndarray  # (k, k) S
+    right: np.ndarray  # (k,) C^T H^-1 g
+    negative: int  # negative eigenvalues of what was eliminated
+    order: np.ndarray  # (k,) int, which of the rows left the columns of `solved` belong to
+    begun: np.ndarray  # (n-1,) int, how many of them have begun at each segment
+    solved: np.ndarray  # (n-1, 3, k + 1), D^-1 L^-1 of g, then of the columns; of no meaning where one has not begun
     carry: np.ndarray  # (n-1, 3, 3), what a segment takes over from the turn of the one before it
 
 
 @kernel
-def complement(diagonal, upper, beyond, matrix, gradient, last):  # type: ignore[no-untyped-def]
+def complement(diagonal, upper, beyond, matrix, gradient, last, is_turn, compliance):  # type: ignore[no-untyped-def]
     """Eliminate all segments.
 
     Args:
@@ -40,95 +51,151 @@ def complement(diagonal, upper, beyond, matrix, gradient, last):  # type: ignore
         matrix: (n-1, 3, m) C.
         gradient: (n-1, 3) g.
         last: (m,) int, the last segment at which each column is not zero.
+        is_turn: (m,) bool, rows of one segment alone, which is then `last`.
+        compliance: (m, m) B.
     """
     if len(beyond) > 0:
-        return whole(diagonal, upper, beyond, matrix, gradient)
-    count, many = len(diagonal), matrix.shape[2]
-    order, begun = _begin(last, count)
+        return whole(diagonal, upper, beyond, matrix, gradient, compliance)
+    count = len(diagonal)
+    row_of, order, begun = _begin(last, is_turn, count)
+    many = len(order)
     total, negative = np.zeros((many + 1, many + 1)), 0
-    left, solved, carry = np.empty((2, 3, many + 1)), np.empty((count, 3, many + 1)), np.zeros((count, 3, 3))
-    block, inverse = np.empty((3, 3)), np.empty((3, 3))
+    left, solved, carry = np.empty((3, many + 1)), np.empty((count, 3, many + 1)), np.zeros((count, 3, 3))
+    block, inverse, turned, phi = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.zeros(many + 1)
     for j in range(count - 1, -1, -1):
-        here, wide = left[j % 2], 1 + begun[j]
+        wide, row = 1 + begun[j], row_of[j]
         for r in range(3):
             for c in range(3):
                 block[r, c] = diagonal[j, r, c]
-            here[r, 0] = gradient[j, r]
+            left[r, 0] = gradient[j, r]
             for a in range(1, wide):
-                here[r, a] = matrix[j, r, order[a - 1]]
+                left[r, a] = matrix[j, r, order[a - 1]]
         if j + 1 < count:
-            _take_over(carry[j + 1], upper[j], left[(j + 1) % 2], here, block, 1 + begun[j + 1])
+            _take_over(carry[j + 1], upper[j], solved[j + 1], left, block, 1 + begun[j + 1])
         negative += invert(block, inverse)
+        size = 0.0
+        if row >= 0:
+            size = _give_way(matrix[j, :, row], compliance[row, row], inverse, turned)
+            negative += 1 if size > 0.0 else 0
         if j > 0:
             for r in range(3):
                 for c in range(3):
                     carry[j, r, c] = 0.0
                     for k in range(3):
                         carry[j, r, c] += inverse[r, k] * upper[j - 1, c, k]
-        _add(inverse, here, solved[j], total, wide)
+        _solve(inverse, left, solved[j], wide)
+        if row >= 0:
+            for a in range(1, wide):
+                phi[a] = -compliance[row, order[a - 1]]
+            _add_line(phi, turned, size, left, solved[j], total, wide)
+        _add(left, solved[j], total, wide)
+    kept, place = np.sort(order), np.empty(len(last), dtype=np.int64)
+    place[kept] = np.arange(many)
     rows, right = np.empty((many, many)), np.empty(many)
     for a in range(many):
-        right[order[a]] = total[a + 1, 0]
+        one = place[order[a]]
+        right[one] = total[a + 1, 0]
         for b in range(a + 1):
-            rows[order[a], order[b]] = rows[order[b], order[a]] = total[a + 1, b + 1]
-    return Schur(rows, right, negative, order, begun, solved, carry)
+            other = place[order[b]]
+            rows[one, other] = rows[other, one] = total[a + 1, b + 1] + compliance[order[a], order[b]]
+    return Schur(kept, rows, right, negative, place[order], begun, solved, carry)
 
 
 @kernel
-def _begin(last, count):  # type: ignore[no-untyped-def]
-    """Columns in the order in which they begin, and how many have at each of `count` segments."""
-    begun, place, order = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), np.empty(len(last), dtype=np.int64)
-    for segment in last:
-        begun[segment] += 1
+def _begin(last, is_turn, count):  # type: ignore[no-untyped-def]
+    """Which row is eliminated with each of `count` segments, -1 for none; the others as they begin, and how many have at each segment."""
+    row_of, begun, place = np.full(count, -1), np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    many = 0
+    for row in range(len(last)):
+        if is_turn[row] and row_of[last[row]] < 0:
+            row_of[last[row]] = row
+        else:
+            begun[last[row]] += 1
+            many += 1
     for j in range(count - 2, -1, -1):
         place[j] = begun[j + 1]
         begun[j] += begun[j + 1]
-    for column in range(len(last)):
-        order[place[last[column]]] = column
-        place[last[column]] += 1
-    return order, begun
+    order = np.empty(many, dtype=np.int64)
+    for row in range(len(last)):
+        if row_of[last[row]] != row:
+            order[place[last[row]]] = row
+            place[last[row]] += 1
+    return row_of, order, begun
 
 
 @kernel
-def _take_over(carry, upper, before, here, block, wide):  # type: ignore[no-untyped-def]
+def _take_over(carry, upper, solved, left, block, wide):  # type: ignore[no-untyped-def]
     """Eliminate the segment after this one from its block and its columns."""
     for r in range(3):
-        x, y, z = carry[0, r], carry[1, r], carry[2, r]
+        x, y, z = upper[r, 0], upper[r, 1], upper[r, 2]
         for c in range(3):
-            block[r, c] -= upper[r, 0] * carry[0, c] + upper[r, 1] * carry[1, c] + upper[r, 2] * carry[2, c]
+            block[r, c] -= x * carry[0, c] + y * carry[1, c] + z * carry[2, c]
         for a in range(wide):
-            here[r, a] -= x * before[0, a] + y * before[1, a] + z * before[2, a]
+            left[r, a] -= x * solved[0, a] + y * solved[1, a] + z * solved[2, a]
 
 
 @kernel
-def _add(inverse, here, solved, total, wide):  # type: ignore[no-untyped-def]
-    """Solve one segment, and add it to the lower half of the sum."""
+def _give_way(column, beta, inverse, turned):  # type: ignore[no-untyped-def]
+    """Eliminate the line of a row from the inverse of its segment; `turned` (3,) becomes D^-1 b. Returns s."""
+    work = 0.0
+    for r in range(3):
+        turned[r] = inverse[r, 0] * column[0] + inverse[r, 1] * column[1] + inverse[r, 2] * column[2]
+        work += column[r] * turned[r]
+    least = NOT_ZERO * (abs(work) + abs(beta)) + 1e-300
+    size = work + beta if abs(work + beta) > least else least
+    for r in range(3):
+        for c in range(3):
+            inverse[r, c] -= turned[r] * turned[c] / size
+    return size
+
+
+@kernel
+def _solve(inverse, left, solved, wide):  # type: ignore[no-untyped-def]
+    """Solve one segment."""
     for r in range(3):
         x, y, z = inverse[r, 0], inverse[r, 1], inverse[r, 2]
         for a in range(wide):
-            solved[r, a] = x * here[0, a] + y * here[1, a] + z * here[2, a]
+            solved[r, a] = x * left[0, a] + y * left[1, a] + z * left[2, a]
+
+
+@kernel
+def _add_line(phi, turned, size, left, solved, total, wide):  # type: ignore[no-untyped-def]
+    """Add what the line of a row adds to a segment's solutions and to the lower half of the sum; `phi` (k + 1,) are its entries."""
+    for a in range(1, wide):
+        if phi[a] == 0.0:
+            continue
+        for b in range(a + 1):
+            along = turned[0] * left[0, b] + turned[1] * left[1, b] + turned[2] * left[2, b]
+            total[a, b] += phi[a] * (along - phi[b]) / size
+        for r in range(3):
+            solved[r, a] += turned[r] * phi[a] / size
+
+
+@kernel
+def _add(left, solved, total, wide):  # type: ignore[no-untyped-def]
+    """Add one segment to the lower half of the sum."""
     for a in range(wide):
-        x, y, z = here[0, a], here[1, a], here[2, a]
+        x, y, z = left[0, a], left[1, a], left[2, a]
         for b in range(a + 1):
             total[a, b] += x * solved[0, b] + y * solved[1, b] + z * solved[2, b]
 
 
 @kernel
-def whole(diagonal, upper, beyond, matrix, gradient):  # type: ignore[no-untyped-def]
-    """The same with every column solved for from its first segment to its last, and nothing to take over."""
+def whole(diagonal, upper, beyond, matrix, gradient, compliance):  # type: ignore[no-untyped-def]
+    """The same with every row kept, every column solved for from its first segment to its last, and nothing to take over."""
     count, many = len(diagonal), matrix.shape[2]
     solved = np.empty((count, 3, many + 1))
     solved[:, :, 0] = gradient
     solved[:, :, 1:] = matrix
     negative = eliminate(diagonal, upper, beyond, solved)
     total = matrix.reshape(3 * count, many).T @ solved.reshape(3 * count, many + 1)
-    rows, right = np.ascontiguousarray(total[:, 1:]), np.ascontiguousarray(total[:, 0])
-    return Schur(rows, right, negative, np.arange(many), np.full(count, many), solved, np.zeros((count, 3, 3)))
+    rows, right, every = total[:, 1:] + compliance, np.ascontiguousarray(total[:, 0]), np.arange(many)
+    return Schur(every, rows, right, negative, every, np.full(count, many), solved, np.zeros((count, 3, 3)))
 
 
 @kernel
 def turns(schur, change):  # type: ignore[no-untyped-def]
-    """Turns (n-1, 3) [rad] of the segments under `change` (m,) of the forces: H^-1 (C change - g)."""
+    """Turns (n-1, 3) [rad] of the segments under `change` (k,) of the forces of the rows left."""
     solved, carry, begun, given = schur.solved, schur.carry, schur.begun, change[schur.order]
     out = np.empty((len(solved), 3))
     for j in range(len(out)):

@@ -2,8 +2,9 @@
 
     OPENBLAS_NUM_THREADS=1 taskset -c 1 python -m pytest -m bench tests/bench/test_supports.py -s
 
-An edge or a vertex has a row on three segments, so that it passes from one to the next without a jump: thirty rows instead of ten. `solve`
-also solves on every second node, for its error, and reads forces, moments and energy. CPU time, the median of many.
+An edge or a vertex has a row on three segments, so that it passes from one to the next without a jump: thirty rows instead of ten, and
+those that push bring a row of curvature each. `solve` also solves on every second node, for its error, and reads forces, moments and
+energy. CPU time, the median of many.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ from shape_server import Follower, kernels, solve  # noqa: E402
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(600), pytest.mark.filterwarnings("default")]
 
 TARGET = 0.3  # ms
-# ms of a Follower and of solve(); measured 0.18 to 0.33 and 1.3 to 1.5 on faces, 0.49 to 0.71 and 2.0 to 3.1 on edges: what falls short.
-AT_MOST = {"face": (2 * TARGET, 3.0), "edge": (1.2, 5.0)}  # a neighbour on the machine is allowed for
+# ms of a Follower and of solve(); measured 0.26 to 0.34 and 2.2 to 3.3 on faces, 0.34 to 0.50 and 2.9 to 5.0 on edges: what falls short.
+AT_MOST = {"face": (2 * TARGET, 4.0), "edge": (2 * TARGET, 6.0)}  # a neighbour on the machine is allowed for
 
 
 @pytest.mark.parametrize("kind", AT_MOST)

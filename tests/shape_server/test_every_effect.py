@@ -21,6 +21,7 @@ from protocol.kinds import Feature, Friction
 from protocol.messages import FrictionLaw, PointLoads, Problem, Rubbing, SelfContacts, Start
 from protocol.scene import LumpedMass, Vector
 from shape_server import effects, numpy_path, solve
+from shape_server.newton import _last_segments
 from shape_server.rod import State
 from shape_server.system import System
 
@@ -230,6 +231,22 @@ def test_the_rows_change_with_turns_and_forces_as_their_columns_and_compliance_s
     held = len(state.force)
     expected = found.columns[:, :held].T @ turn.ravel() + found.compliance[:held, :held] @ force
     np.testing.assert_allclose(change, expected, atol=1e-8)  # measured 5e-10
+
+
+@EVERY
+@pytest.mark.parametrize("base", [0, 12])
+def test_columns_begin_where_they_are_said_to(name: str, base: int) -> None:
+    rod, state = loaded(name)
+    held = rod.rod._replace(base=base)
+    moved, view = numpy_path.look(held, state, np.ascontiguousarray(held.touch["normal"]))
+    carried, _, diagonal, _, _ = numpy_path.linear_system(held, moved, view)
+    border = numpy_path.border_rows(held, moved, view, (0.0, 0.0), np.inf)
+    columns = numpy_path.border_columns(held, view, border, carried, diagonal)
+    last = _last_segments.py_func(border, base, len(columns))
+    for row in range(len(last)):
+        assert not columns[last[row] + 1 :, :, row].any()
+        if border.is_turn[row]:
+            assert not columns[: last[row], :, row].any()
 
 
 @EVERY

@@ -232,23 +232,45 @@ def test_frames_tied_to_the_next_but_one_are_eliminated_too(path: ModuleType, co
 
 @PATHS
 @pytest.mark.parametrize("is_tied", [False, True])
+@pytest.mark.parametrize("turning", [0.0, 0.3])
 @pytest.mark.parametrize("columns", [0, 1, 7, 30])
 @pytest.mark.parametrize("seed", range(5))
-def test_the_complement_over_the_border_is_that_of_the_dense_matrix(path: ModuleType, seed: int, columns: int, is_tied: bool) -> None:
+def test_the_complement_over_the_border_is_that_of_the_dense_matrix(
+    path: ModuleType, seed: int, columns: int, turning: float, is_tied: bool
+) -> None:
     (diagonal, upper), rng = random_blocks(seed), np.random.default_rng(seed)
     full, beyond = dense(diagonal, upper), np.zeros((12 if is_tied else 0, 3, 3))
     for i in range(10 if is_tied else 0):
         beyond[i] = rng.normal(size=(3, 3))
         full[3 * i : 3 * i + 3, 3 * i + 6 : 3 * i + 9] = beyond[i]
         full[3 * i + 6 : 3 * i + 9, 3 * i : 3 * i + 3] = beyond[i].T
-    last, gradient, change = rng.integers(0, 12, columns), rng.normal(size=(12, 3)), rng.normal(size=columns)
-    matrix = np.where(np.arange(12)[:, None, None] <= last, rng.normal(size=(12, 3, columns)), 0.0)
-    found = path.complement(diagonal, upper, beyond, matrix, gradient, last)
+    last, gradient = rng.integers(0, 12, columns), rng.normal(size=(12, 3))
+    is_turn = rng.uniform(size=columns) < turning
+    segment = np.arange(12)[:, None, None]
+    matrix = np.where((segment == last) | ((segment < last) & ~is_turn), rng.normal(size=(12, 3, columns)), 0.0)
+    matrix, compliance = np.ascontiguousarray(matrix), np.diag(rng.normal(size=columns))
+    for row in np.flatnonzero(is_turn[1:]) + 1:
+        if not is_turn[row - 1]:  # a row on the same segment, as an edge has it
+            last[row] = last[row - 1]
+            matrix[:, :, row] = np.where(segment[:, :, 0] == last[row], rng.normal(size=3), 0.0)
+            compliance[row, row - 1] = compliance[row - 1, row] = rng.normal()
+    found = path.complement(diagonal, upper, beyond, matrix, gradient, last, is_turn, compliance)
     flat, inverse = matrix.reshape(36, columns), np.linalg.inv(full)
-    assert found.negative == (np.linalg.eigvalsh(full) < 0).sum()
-    np.testing.assert_allclose(found.matrix, flat.T @ inverse @ flat, atol=1e-8)  # measured 5e-10; indefinite, without pivoting
-    np.testing.assert_allclose(found.right, flat.T @ inverse @ gradient.ravel(), atol=1e-8)
-    np.testing.assert_allclose(path.turns(found, change).ravel(), inverse @ (flat @ change - gradient.ravel()), atol=1e-8)
+    border, right = flat.T @ inverse @ flat + compliance, flat.T @ inverse @ gradient.ravel()
+    kept, gone = found.kept, np.setdiff1d(np.arange(columns), found.kept)
+    assert is_turn[gone].all()
+    assert len(gone) == (0 if is_tied or path is numpy_path else len(set(last[is_turn])))
+    between = border[np.ix_(gone, gone)]
+    assert found.negative == (np.linalg.eigvalsh(full) < 0).sum() + (np.linalg.eigvalsh(between) > 0).sum()
+    weights = np.linalg.solve(between, border[np.ix_(gone, kept)])
+    np.testing.assert_allclose(found.matrix, border[np.ix_(kept, kept)] - border[np.ix_(kept, gone)] @ weights, atol=1e-7)
+    np.testing.assert_allclose(found.right, right[kept] - weights.T @ right[gone], atol=1e-7)
+    change = np.zeros(columns)
+    change[kept] = rng.normal(size=len(kept))
+    change[gone] = np.linalg.solve(between, right[gone]) - weights @ change[kept]
+    expected = inverse @ (flat @ change - gradient.ravel())
+    np.testing.assert_allclose(path.turns(found, change[kept]).ravel(), expected, atol=1e-7)
+    assert path.work_of(diagonal, upper, beyond, expected.reshape(12, 3)) == pytest.approx(expected @ full @ expected, rel=1e-9, abs=1e-9)
 
 
 @PATHS
