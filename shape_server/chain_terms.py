@@ -1,7 +1,7 @@
 """One vertex and one segment of a chain at a time, in tuples of numbers: what `clamped` and `lanes` do in every step; compiled.
 
-The formulas of `vertices`, `elimination` and `closing`. The large ones are inlined by numba and not by LLVM, which would leave a call
-in the loops of `lanes` and no vectors.
+`assembly` takes its vertices from here. The formulas of `vertices`, `elimination` and `closing`. The large ones are inlined by numba and
+not by LLVM, which would leave a call in the loops of `lanes` and no vectors.
 """
 
 from __future__ import annotations
