@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .chain_terms import vertex_terms
+from .chain_terms import three, vertex_terms
 from .jitted import inlined, kernel
 from .vertices import CLAMP, INNER
 
@@ -37,16 +37,16 @@ def assemble(frames, axes, lengths, pulled, elastic, clamp_of_node, clamp_frames
             if clamp < 0:
                 if node == 0 or node == count:
                     continue
-                cell, k, laws, curves = 0.5 * (lengths[node - 1] + lengths[node]), node, node_law, node_bent
+                cell, stiff, curve = 0.5 * (lengths[node - 1] + lengths[node]), three(node_law, node), three(node_bent, node)
             else:
-                k, kind, laws, curves = node - 1 + side, CLAMP, law, bent
+                k, kind = node - 1 + side, CLAMP
                 before, after = (k, NONE) if side == 0 else (NONE, k)
                 if k < 0 or k == count:
                     continue
-                cell = 0.5 * lengths[k]
+                cell, stiff, curve = 0.5 * lengths[k], three(law, k), three(bent, k)
             q_before = _frame(frames, before) if before >= 0 else _frame(clamp_frames, clamp)
             q_after = _frame(frames, after) if after >= 0 else _frame(clamp_frames, clamp)
-            slopes, first, second, couple = vertex_terms(q_before, q_after, cell, _three(laws, k), _three(curves, k), kind)
+            slopes, first, second, couple = vertex_terms(q_before, q_after, cell, stiff, curve, kind)
             if before >= 0:
                 _add(gradient, diagonal, before, slopes[0], first[0], first[1])
             if after >= 0:
@@ -76,11 +76,6 @@ def _hand_on(axes, pulled, carried, gradient, diagonal):  # type: ignore[no-unty
 @inlined
 def _frame(frames, j):  # type: ignore[no-untyped-def]
     return frames[j, 0], frames[j, 1], frames[j, 2], frames[j, 3]
-
-
-@inlined
-def _three(values, j):  # type: ignore[no-untyped-def]
-    return values[j, 0], values[j, 1], values[j, 2]
 
 
 @inlined

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .chain_terms import three
 from .inclined import inclined_rows
 from .jitted import inlined, kernel
 from .rod import Rub, is_active
@@ -40,11 +41,12 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     forces already balance (augmented Lagrangian).
     """
     is_exact = soft[0] == 0.0
-    points, bond = rod.held.rows, rod.held.rows["bond"]
+    points, touched, pushes = rod.held.rows, rod.touch["element"], view.push
+    bond, places, axes, of_row = points["bond"], points["fraction"], points["axis"], points["element"]
     held = _active(bond, state.holds)
-    contacts = np.flatnonzero(~is_far(state, view, near)) if is_exact else np.flatnonzero(state.touches)
-    bent, rows, saddles = _bent(rod, state, view)
-    rubs = _rubbing(rod, state, contacts) if is_exact else np.flatnonzero(state.ease > 0.0)
+    contacts = np.flatnonzero(~is_far(state.push, state.touches, view.gap, near)) if is_exact else np.flatnonzero(state.touches)
+    bent, rows, saddles = _bent(state.push, view.slide, view.across, view.numbers, 1e-9 * rod.force_scale)
+    rubs = _rubbing(rod.touch["rub"], state.drag, contacts) if is_exact else np.flatnonzero(state.ease > 0.0)
     first, last = len(held), len(held) + len(contacts)
     spread, stiffness = no_spread()
     inclined = spread
@@ -58,9 +60,8 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
     hard = SOFTNESS / rod.force_scale
     for k in range(first):
         row = held[k]
-        element[k], fraction[k], vector[k] = points["element"][row], points["fraction"][row], points["axis"][row]
-        if row >= len(points) - rod.held.inclined:
-            vector[k] = 0.0
+        element[k], fraction[k] = of_row[row], places[row]
+        vector[k, 0], vector[k, 1], vector[k, 2] = three(axes, row) if row < len(points) - rod.held.inclined else (0.0, 0.0, 0.0)
         if not is_exact:
             compliance[k, k] = soft[0]
             continue
@@ -70,12 +71,16 @@ def border_rows(rod, state, view, soft, near):  # type: ignore[no-untyped-def]
             residual[k] += hard * state.force[row]
     for k in range(first, last):
         row = contacts[k - first]
-        element[k], fraction[k], vector[k] = rod.touch["element"][row], state.fraction[row], view.push[row]
+        element[k], fraction[k] = touched[row], state.fraction[row]
+        vector[k, 0], vector[k, 1], vector[k, 2] = three(pushes, row)
         compliance[k, k] = hard if is_exact else soft[1]
         residual[k] = view.gap[row] + hard * state.push[row] if is_exact else 0.0
     at = last
     for row in bent:
-        at = _add_curvature(rod, state, view, row, at, element, fraction, vector, is_turn, compliance)
+        begin = at
+        at = _add_curvature(state, view, row, at, vector, is_turn, compliance)
+        for k in range(begin, at):
+            element[k], fraction[k] = touched[row], state.fraction[row]
     for k in range(len(stiffness)):
         element[at], fraction[at], vector[at], compliance[at, at] = 0, 0.0, 0.0, 1.0 / stiffness[k]
         at += 1
@@ -97,9 +102,8 @@ def _active(bond, holds):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def is_far(state, view, near):  # type: ignore[no-untyped-def]
+def is_far(push, touches, gap, near):  # type: ignore[no-untyped-def]
     """Which contacts (m,) are open by more than `near` [m]."""
-    push, touches, gap = state.push, state.touches, view.gap
     far = np.empty(len(push), dtype=np.bool_)
     for row in range(len(far)):
         far[row] = push[row] == 0.0 and not touches[row] and gap[row] > near
@@ -107,14 +111,14 @@ def is_far(state, view, near):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _rubbing(rod, state, contacts):  # type: ignore[no-untyped-def]
+def _rubbing(rub, drag, contacts):  # type: ignore[no-untyped-def]
     """Which contacts with friction have one of these rows (m,), or a force along the surface."""
-    is_on = np.zeros(len(state.ease), dtype=np.bool_)
+    is_on = np.zeros(len(drag), dtype=np.bool_)
     for k in range(len(is_on)):
-        is_on[k] = state.drag[k, 0] != 0.0 or state.drag[k, 1] != 0.0
+        is_on[k] = drag[k, 0] != 0.0 or drag[k, 1] != 0.0
     for row in contacts:
-        if rod.touch["rub"][row] >= 0:
-            is_on[rod.touch["rub"][row]] = True
+        if rub[row] >= 0:
+            is_on[rub[row]] = True
     return np.flatnonzero(is_on)
 
 
@@ -143,28 +147,27 @@ def _add_rubs(rod, state, view, rubs, hard, at, element, fraction, vector, compl
 
 
 @kernel
-def _bent(rod, state, view):  # type: ignore[no-untyped-def]
+def _bent(push, slide, across, numbers, least):  # type: ignore[no-untyped-def]
     """Contacts whose feature is curved and pushes, the rows they need, and the negative directions those bring."""
-    chosen, rows, saddles = np.empty(len(state.push), dtype=np.int64), 0, 0
-    count = 0
-    for c in range(len(state.push)):
-        if state.push[c] > 1e-9 * rod.force_scale and _is_any(view.slide[c]):
+    chosen, count, rows, saddles = np.empty(len(push), dtype=np.int64), 0, 0, 0
+    for c in range(len(push)):
+        if push[c] > least and _is_any(slide, c):
             chosen[count] = c
             count += 1
-            slides = view.numbers[c, 0] != 0.0
-            rows += (2 if slides else 1) + (1 if _is_any(view.across[c]) else 0)
+            slides = numbers[c, 0] != 0.0
+            rows += (2 if slides else 1) + (1 if _is_any(across, c) else 0)
             saddles += 1 if slides else 0
     return chosen[:count], rows, saddles
 
 
 @kernel
-def _is_any(vector):  # type: ignore[no-untyped-def]
-    """Whether a vector (3,) is not zero."""
-    return vector[0] != 0.0 or vector[1] != 0.0 or vector[2] != 0.0
+def _is_any(vectors, row):  # type: ignore[no-untyped-def]
+    """Whether a row of vectors (m, 3) is not zero."""
+    return vectors[row, 0] != 0.0 or vectors[row, 1] != 0.0 or vectors[row, 2] != 0.0
 
 
 @inlined
-def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, compliance):  # type: ignore[no-untyped-def]
+def _add_curvature(state, view, c, at, vector, is_turn, compliance):  # type: ignore[no-untyped-def]
     """Rows that carry the curvature of an edge or a vertex, see `contact_geometry`; returns the next free row.
 
     Their compliance is the inverse of minus the force times the second derivative of the gap. A sliding contact has a block over
@@ -172,23 +175,21 @@ def _add_curvature(rod, state, view, c, at, element, fraction, vector, is_turn, 
     Any other row has -d / force.
     """
     mu, distance, curve, push = view.numbers[c, 0], view.numbers[c, 1], view.numbers[c, 3], state.push[c]
-    start = at
-    vector[at] = view.slide[c]
+    vector[at, 0], vector[at, 1], vector[at, 2] = three(view.slide, c)
     if mu != 0.0:
         own, cross = curve / mu**2, 1.0 / mu + curve * distance / mu**3
         turn = distance / mu**2 + curve * distance**2 / mu**4
         scale = 1.0 / (push * (own * turn - cross**2))
-        vector[at + 1], is_turn[at + 1] = view.normal[c], True
+        vector[at + 1, 0], vector[at + 1, 1], vector[at + 1, 2] = three(view.normal, c)
+        is_turn[at + 1] = True
         compliance[at, at], compliance[at + 1, at + 1] = scale * turn, scale * own
         compliance[at, at + 1] = compliance[at + 1, at] = -scale * cross
         at += 2
     else:
         compliance[at, at] = -distance / push
         at += 1
-    if _is_any(view.across[c]):
-        vector[at] = view.across[c]
+    if _is_any(view.across, c):
+        vector[at, 0], vector[at, 1], vector[at, 2] = three(view.across, c)
         compliance[at, at] = -distance / push
         at += 1
-    for k in range(start, at):
-        element[k], fraction[k] = rod.touch["element"][c], state.fraction[c]
     return at

@@ -27,6 +27,30 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def cross(a, b):  # type: ignore[no-untyped-def]
+    """Product a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inlined
+def three(values, j):  # type: ignore[no-untyped-def]
+    """Row j of an array (n, 3), as numbers: a row as an array would be counted in and out."""
+    return values[j, 0], values[j, 1], values[j, 2]
+
+
+@kernel
+def scaled(a, x):  # type: ignore[no-untyped-def]
+    """Product a x of a number and a vector."""
+    return a * x[0], a * x[1], a * x[2]
+
+
+@kernel
+def moved(x, a, y):  # type: ignore[no-untyped-def]
+    """Sum x + a y of two vectors."""
+    return x[0] + a * y[0], x[1] + a * y[1], x[2] + a * y[2]
+
+
+@kernel
 def weighted(a, x, b, y, c, z):  # type: ignore[no-untyped-def]
     """Sum a x + b y + c z of three vectors."""
     return a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2]

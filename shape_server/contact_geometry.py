@@ -27,8 +27,11 @@ ten times the stiffness of the cable. Multiplied by minus the force, it enters a
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from .chain_terms import cross, dot, moved, scaled, three
 from .jitted import kernel
 
 FACE, EDGE, VERTEX = 0, 1, 2
@@ -36,51 +39,6 @@ PARALLEL = 0.02  # sine of the angle below which a segment counts as parallel to
 BEYOND = 0.1  # of a segment, how far past its ends a row still holds
 SQUARE = 1e-3  # cosine between slide and tangent below which a contact does not slide
 FAR = 1.0  # m, gap of a row that another one has taken over from, on the next segment or edge
-
-
-@kernel
-def _along(a, t, point, e, feature):  # type: ignore[no-untyped-def]
-    """Place of the nearest point on the segment's line [m from its first node], and whether it can slide."""
-    w0, w1, w2 = a[0] - point[0], a[1] - point[1], a[2] - point[2]
-    wt = w0 * t[0] + w1 * t[1] + w2 * t[2]
-    if feature == VERTEX:
-        return -wt, True
-    we = w0 * e[0] + w1 * e[1] + w2 * e[2]
-    te = t[0] * e[0] + t[1] * e[1] + t[2] * e[2]
-    sine2 = 1.0 - te * te
-    if sine2 > PARALLEL * PARALLEL:
-        return (te * we - wt) / sine2, True
-    return 0.0, False
-
-
-@kernel
-def _nearer_end(nodes, j, point, e):  # type: ignore[no-untyped-def]
-    """0 or 1: the end of a segment that is nearer to a line."""
-    sizes = np.zeros(2)
-    for end in range(2):
-        w0, w1, w2 = nodes[j + end, 0] - point[0], nodes[j + end, 1] - point[1], nodes[j + end, 2] - point[2]
-        we = w0 * e[0] + w1 * e[1] + w2 * e[2]
-        sizes[end] = w0 * w0 + w1 * w1 + w2 * w2 - we * we
-    return 0.0 if sizes[0] <= sizes[1] else 1.0
-
-
-@kernel
-def _turn(axes, node, n):  # type: ignore[no-untyped-def]
-    """Turn of the axis at a node towards the feature, in radians."""
-    if node <= 0 or node >= axes.shape[0]:
-        return 0.0
-    before, after = axes[node - 1, 2], axes[node, 2]
-    return -(n[0] * (after[0] - before[0]) + n[1] * (after[1] - before[1]) + n[2] * (after[2] - before[2]))
-
-
-@kernel
-def _bulge(x, h, first, last):  # type: ignore[no-untyped-def]
-    """Bulge, slope and second derivative at share x of a segment of length h, from the turns at its ends."""
-    b0, b1 = 0.125 * h * max(first, 0.0), 0.125 * h * max(last, 0.0)
-    s0, s1 = -0.5 * first * h, 0.5 * last * h
-    c2, c3 = 3 * (b1 - b0) - 2 * s0 - s1, 2 * (b0 - b1) + s0 + s1
-    value = b0 + x * (s0 + x * (c2 + x * c3))
-    return value, (s0 + x * (2 * c2 + 3 * c3 * x)) / h, (2 * c2 + 6 * c3 * x) / (h * h)
 
 
 @kernel
@@ -101,98 +59,126 @@ def contact_geometry(nodes, axes, lengths, touch, fraction):  # type: ignore[no-
     """
     element, feature, point, given = touch["element"], touch["feature"], touch["point"], touch["normal"]
     direction, extent, distance, is_straight = touch["direction"], touch["extent"], touch["distance"], touch["is_straight"]
-    many = element.shape[0]
+    many, count = element.shape[0], lengths.shape[0]
     gap, numbers = np.empty(many), np.zeros((many, 4))
     normal, push, slide, across = np.empty((many, 3)), np.empty((many, 3)), np.zeros((many, 3)), np.zeros((many, 3))
-    offset = np.empty(3)
     for c in range(many):
-        j, is_free, kind, at = element[c], False, feature[c], point[c]
-        if kind != FACE:
-            fraction[c], is_free = _place(nodes, axes, lengths, j, at, direction[c], kind)
-        _away(nodes, axes, lengths, j, fraction[c], at, offset)
-        if kind == EDGE:
-            along = _dot(offset, direction[c])
-            end = min(max(along, extent[c, 0]), extent[c, 1])
-            if end == along:
-                offset -= along * direction[c]
-            else:  # past its end an edge is the point where it ends, so that the next edge takes over without a jump
-                kind, at = VERTEX, point[c] + end * direction[c]
-                fraction[c], is_free = _place(nodes, axes, lengths, j, at, direction[c], kind)
-                _away(nodes, axes, lengths, j, fraction[c], at, offset)
+        j, kind, at, side, h = element[c], feature[c], three(point, c), three(given, c), lengths[element[c]]
+        tangent, edge, extents = _tangent(axes, j), three(direction, c), (extent[c, 0], extent[c, 1])
+        segment = three(nodes, j), three(nodes, j + 1), tangent, h, j == 0, j == count - 1
         if kind == FACE:
-            gap[c] = _dot(offset, given[c]) - distance[c]
-            normal[c], push[c], numbers[c, 1] = given[c], given[c], distance[c]
+            gap[c] = dot(_away(segment[0], tangent, h * fraction[c], at), side) - distance[c]
+            numbers[c, 1] = distance[c]
+            for k in range(3):
+                normal[c, k] = push[c, k] = side[k]
             continue
-        size = np.sqrt(_dot(offset, offset))
+        share, is_free, offset, kind = _nearest(segment, at, edge, kind, extents)
+        size = math.sqrt(dot(offset, offset))
         # A contact may turn by more than a right angle around a sharp edge before it is on the other side of it.
-        signed = size if _dot(offset, given[c]) >= -0.5 * size else -size
+        signed = size if dot(offset, side) >= -0.5 * size else -size
+        away = scaled(1.0 / signed, offset) if size > 1e-12 else side
+        fraction[c], gap[c], numbers[c, 1] = share, signed - distance[c], max(signed, 1e-3 * distance[c])
         for k in range(3):
-            normal[c, k] = offset[k] / signed if size > 1e-12 else given[c, k]
-        push[c] = normal[c]
-        gap[c] = signed - distance[c]
-        numbers[c, 1] = max(signed, 1e-3 * distance[c])
-        if fraction[c] < -BEYOND or fraction[c] > 1.0 + BEYOND:
-            fraction[c] = min(max(fraction[c], -BEYOND), 1.0 + BEYOND)
+            normal[c, k] = push[c, k] = away[k]
+        if share < -BEYOND or share > 1.0 + BEYOND:
+            fraction[c] = min(max(share, -BEYOND), 1.0 + BEYOND)
             gap[c] = FAR
             continue
-        _directions(axes[j, 2], normal[c], direction[c], kind, is_free, slide[c], across[c])
+        way, beside = _directions(tangent, away, edge, kind, is_free)
+        for k in range(3):
+            slide[c, k], across[c, k] = way[k], beside[k]
+        mu = dot(way, tangent)
         # In one plane with an edge that it crosses, a cable is square to the way in which it could slide.
-        if is_free and abs(_dot(slide[c], axes[j, 2])) > SQUARE:
-            turns = (0.0, 0.0) if is_straight[c] == 1 else (_turn(axes, j, normal[c]), _turn(axes, j + 1, normal[c]))
-            gap[c] -= _let_slide(axes[j, 2], lengths[j], turns, fraction[c], slide[c], push[c], numbers[c])
+        if is_free and abs(mu) > SQUARE:
+            first, last = (0.0, 0.0) if is_straight[c] == 1 else (_turn(axes, j, away), _turn(axes, j + 1, away))
+            bulge, slope, bend = _bulge(share, h, first, last)
+            gap[c] -= bulge
+            numbers[c, 0], numbers[c, 2], numbers[c, 3] = mu, slope * numbers[c, 1] / (mu * mu), bend
+            for k in range(3):
+                push[c, k] += slope / mu * way[k]
     return gap, normal, push, slide, across, numbers
 
 
 @kernel
-def _away(nodes, axes, lengths, j, share, point, out):  # type: ignore[no-untyped-def]
-    """Vector (3,) [m] from a point to the place on the axis at a share of segment j."""
-    for k in range(3):
-        out[k] = nodes[j, k] + share * lengths[j] * axes[j, 2, k] - point[k]
+def _tangent(axes, j):  # type: ignore[no-untyped-def]
+    return axes[j, 2, 0], axes[j, 2, 1], axes[j, 2, 2]
 
 
 @kernel
-def _place(nodes, axes, lengths, j, point, e, feature):  # type: ignore[no-untyped-def]
-    """Share of segment j at which it is nearest, and whether the contact can slide there."""
-    place, is_free = _along(nodes[j], axes[j, 2], point, e, feature)
-    # Beside a parallel edge every point is nearest; the rows of the segments hold one node each.
-    share = place / lengths[j] if is_free else _nearer_end(nodes, j, point, e)
-    if (j == 0 and share < 0.0) or (j == lengths.shape[0] - 1 and share > 1.0):
+def _away(start, tangent, place, point):  # type: ignore[no-untyped-def]
+    """Vector (3) [m] from a point to a place on a segment [m from its first node]."""
+    return moved(moved(start, place, tangent), -1.0, point)
+
+
+@kernel
+def _nearest(segment, point, edge, feature, extent):  # type: ignore[no-untyped-def]
+    """Share of a segment at which it is nearest to a feature, whether the contact can slide there, vector (3) [m] to it, and the feature.
+
+    Past its end an edge is the point where it ends, so that the next edge takes over without a jump.
+    """
+    share, is_free = _place(segment, point, edge, feature)
+    offset = _away(segment[0], segment[2], segment[3] * share, point)
+    if feature == VERTEX:
+        return share, is_free, offset, feature
+    along = dot(offset, edge)
+    stop = min(max(along, extent[0]), extent[1])
+    if stop == along:
+        return share, is_free, moved(offset, -along, edge), feature
+    point = moved(point, stop, edge)
+    share, is_free = _place(segment, point, edge, VERTEX)
+    return share, is_free, _away(segment[0], segment[2], segment[3] * share, point), VERTEX
+
+
+@kernel
+def _place(segment, point, edge, feature):  # type: ignore[no-untyped-def]
+    """Share of a segment at which it is nearest to a feature, and whether the contact can slide there.
+
+    A segment is its first and last node, its tangent and length, and whether it is the first or the last one of its cable.
+    """
+    start, end, tangent, h, is_first, is_last = segment
+    away, is_free = moved(start, -1.0, point), True
+    share, along = -dot(away, tangent) / h, dot(away, edge)
+    if feature != VERTEX:
+        cosine = dot(tangent, edge)
+        sine2 = 1.0 - cosine * cosine
+        is_free = sine2 > PARALLEL * PARALLEL
+        if is_free:
+            share = (cosine * along - dot(away, tangent)) / sine2 / h
+        else:
+            # Beside a parallel edge every point is nearest; the rows of the segments hold one node each.
+            other = moved(end, -1.0, point)
+            share = 0.0 if dot(away, away) - along**2 <= dot(other, other) - dot(other, edge) ** 2 else 1.0
+    if (is_first and share < 0.0) or (is_last and share > 1.0):
         return min(max(share, 0.0), 1.0), False
     return share, is_free
 
 
 @kernel
-def _directions(t, n, e, feature, is_free, slide, across):  # type: ignore[no-untyped-def]
-    """Directions in which the distance is curved: `slide` along the cable, and `across` for a vertex."""
+def _directions(t, n, e, feature, is_free):  # type: ignore[no-untyped-def]
+    """Directions (3), (3) in which the distance is curved: along the cable, and across for a vertex, else zero."""
     if feature == EDGE:
-        _cross(e, n, slide)
-        return
-    _cross(t, n, across)
+        return cross(e, n), (0.0, 0.0, 0.0)
+    across = cross(t, n)
     if is_free:
-        slide[:] = t
-        return
-    scale = 1.0 / max(np.sqrt(_dot(across, across)), 1e-12)
-    for k in range(3):
-        across[k] *= scale
-    _cross(n, across, slide)
+        return t, across
+    scale = 1.0 / max(math.sqrt(dot(across, across)), 1e-12)
+    across = scaled(scale, across)
+    return cross(n, across), across
 
 
 @kernel
-def _let_slide(tangent, h, turns, share, slide, push, numbers):  # type: ignore[no-untyped-def]
-    """Bulge [m] under a contact that can slide, by the turns at its segment's ends; adds its slope to `push`, and fills in `numbers`."""
-    mu, d = _dot(slide, tangent), numbers[1]
-    value, slope, bend = _bulge(share, h, turns[0], turns[1])
-    for k in range(3):
-        push[k] += slope / mu * slide[k]
-    numbers[0], numbers[2], numbers[3] = mu, slope * d / (mu * mu), bend
-    return value
+def _turn(axes, node, n):  # type: ignore[no-untyped-def]
+    """Turn of the axis at a node towards the feature, in radians."""
+    if node <= 0 or node >= axes.shape[0]:
+        return 0.0
+    return dot(n, _tangent(axes, node - 1)) - dot(n, _tangent(axes, node))
 
 
 @kernel
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def _cross(a, b, out):  # type: ignore[no-untyped-def]
-    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+def _bulge(x, h, first, last):  # type: ignore[no-untyped-def]
+    """Bulge, slope and second derivative at share x of a segment of length h, from the turns at its ends."""
+    b0, b1 = 0.125 * h * max(first, 0.0), 0.125 * h * max(last, 0.0)
+    s0, s1 = -0.5 * first * h, 0.5 * last * h
+    c2, c3 = 3 * (b1 - b0) - 2 * s0 - s1, 2 * (b0 - b1) + s0 + s1
+    value = b0 + x * (s0 + x * (c2 + x * c3))
+    return value, (s0 + x * (2 * c2 + 3 * c3 * x)) / h, (2 * c2 + 6 * c3 * x) / (h * h)

@@ -130,8 +130,9 @@ def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
         # Steps that hardly shorten go along a direction with next to no stiffness, where a short one is not near the end.
         shortens = iteration == 1 or longest < SHORTENS * last
         last = longest
-        turn_done = TURN_DONE if is_stable and shortens and _is_near(rod, state, view, step, longest, miss) else TURN_EXACT
-        is_lawful = keeps_laws(rod, state, view)
+        may_end = is_stable and shortens and longest < TURN_DONE
+        turn_done = TURN_DONE if may_end and _is_near(rod, state, view, step.stiffness, longest, miss) else TURN_EXACT
+        is_lawful = len(state.drag) == 0 or keeps_laws(rod, state, view)
         known = is_lawful and change < FORCE_DONE * rod.force_scale
         if scale == 1.0 and longest < turn_done and known and miss < MISS_DONE * rod.length:
             return Settled(state, view, True, is_stable, iteration, unbalanced, DONE if is_stable else UNSTABLE, longest, 0.0)
@@ -143,18 +144,16 @@ def settle_on(rod, found, near, steps):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_near(rod, state, view, step, longest, miss):  # type: ignore[no-untyped-def]
-    """Whether a step leaves an error of no more than the square of `TURN_DONE`: of its own square times force over stiffness.
+def _is_near(rod, state, view, stiffness, longest, miss):  # type: ignore[no-untyped-def]
+    """Whether a step shorter than `TURN_DONE` leaves no more error than the square of that: of its own square times force over stiffness.
 
     Along a direction with next to no stiffness, as beside the load at which a column buckles, that is much more than its square. A cable
     without clamps swings about its hinges, so softly that its balance has to tell. And no held point may miss by what spoils the balance.
     """
-    if longest >= TURN_DONE:
-        return False
     least = COUPLE_DONE * (rod.weight if rod.weight > 0.0 else rod.force_scale) * rod.length
     if len(view.gap) == 0:
         largest = np.abs(state.force).max() if len(state.force) > 0 else 0.0
-        if longest**2 * rod.force_scale > TURN_DONE**2 * step.stiffness or miss * largest > least:
+        if longest**2 * rod.force_scale > TURN_DONE**2 * stiffness or miss * largest > least:
             return False
     if len(rod.clamp_frames) > 0:
         return True
@@ -272,8 +271,6 @@ def advance(rod, state, view, step, scale):  # type: ignore[no-untyped-def]
 @kernel
 def keeps_laws(rod, state, view):  # type: ignore[no-untyped-def]
     """Whether every contact with friction sticks or slides by its law, as nearly as held points are held and forces known."""
-    if len(state.drag) == 0:
-        return True
     stray, wrong = lawless(rod, state, view, SOFTNESS / rod.force_scale)
     return stray < MISS_DONE * rod.length and wrong < FORCE_DONE * rod.force_scale
 

@@ -79,8 +79,11 @@ class Follower:
     @property
     def contact_forces(self) -> np.ndarray:
         """Forces (m, 3) [N] on the cable at the contacts, in their order."""
-        seen = kernels.look(self._rod, self._state, np.ascontiguousarray(self._rod.touch["normal"]))[1]
-        return read(self._problem, self._system, Settled(self._state, seen, True, True, 0, 0.0, DONE), kernels).contact_forces
+        return read(self._problem, self._system, self._settled(), kernels).contact_forces
+
+    def _settled(self) -> Settled:
+        state, seen = kernels.look(self._rod, self._state, np.ascontiguousarray(self._rod.touch["normal"]))
+        return Settled(state, seen, True, True, 0, 0.0, DONE)
 
     def move(self, position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
         """Nodes (n, 3) [m] after all grasps have moved to `position` (g, 3) [m] and `quaternion` (g, 4).
@@ -107,21 +110,23 @@ class Follower:
 
     def _move_touching(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, int]:
         """Nodes and verdict, as from `follow`, with contacts."""
-        found, is_lost, has_slid = follow_touching(self._rod, self._held, self._state, position, quaternion, self._segments)
-        if found.is_converged and is_lost and self._passes(found):
-            raise CablecosimError("the cable slides over an edge or a vertex by more than a segment; move the grasps by less")
-        if found.is_converged:
-            self._state = found.state
+        nodes, verdict, is_lost, has_slid, changed = follow_touching(
+            self._rod, self._held, self._state, position, quaternion, self._segments
+        )
+        if verdict >= 0:
+            if is_lost and self._passes(nodes, changed[3]):
+                raise CablecosimError("the cable slides over an edge or a vertex by more than a segment; move the grasps by less")
+            self._state = State(*changed, *self._state[len(changed) :])
             if has_slid:
-                self._keep_up(found)
-        return found.seen.nodes, int(found.is_stable) if found.is_converged else -1
+                self._keep_up()
+        return nodes, verdict
 
-    def _passes(self, found: Settled) -> bool:
-        """Whether an edge or a vertex that pushed until now is inside the cable, or on its other side, where it has no rows."""
-        contacts, nodes = self._problem.contacts, found.seen.nodes
+    def _passes(self, nodes: np.ndarray, push: np.ndarray) -> bool:
+        """Whether an edge or a vertex that pushed until now, and not by `push`, is inside the cable or beyond it, where it has no rows."""
+        contacts = self._problem.contacts
         assert contacts is not None
         contact, pushed = self._rod.touch["contact"], self._state.push > 0.0
-        gone = set(contact[pushed].tolist()).difference(contact[found.state.push > 0.0].tolist())
+        gone = set(contact[pushed].tolist()).difference(contact[push > 0.0].tolist())
         if not gone:
             return False
         directions = kernels.look(self._rod, self._state, np.ascontiguousarray(self._rod.touch["normal"]))[1].push
@@ -140,10 +145,11 @@ class Follower:
                 return True
         return False
 
-    def _keep_up(self, found: Settled) -> None:
+    def _keep_up(self) -> None:
         """Let the rows of edges and vertices go along with the places where they are touched, one segment at a time."""
         contacts = self._problem.contacts
         assert contacts is not None
+        found = self._settled()
         s = np.where(contacts.feature == FACE, contacts.s, contact_places(self._problem, self._system, found))
         self.touch(msgspec.structs.replace(contacts, s=s, force=read(self._problem, self._system, found, kernels).contact_forces))
 

@@ -90,18 +90,21 @@ def follow_touching(rod, held, state, position, quaternion, segments):  # type: 
     """Move the grasps, and settle from a state, which stays as it is, with contacts that were on `segments` (m,).
 
     Returns:
-        `Settled`, whether an edge or a vertex does not push any more, and whether one is touched from another segment.
+        Nodes (n, 3) [m]; the verdict of `follow`; whether an edge or a vertex does not push any more, and whether one is touched from
+        another segment; and of the state after it what has changed, all of it but friction. Every array handed over costs 0.3 us, and
+        0.2 us more in a named tuple.
     """
     hold_at(rod, held, position, quaternion)
     found = settle(rod, state, 0.0)
     force, moment, pushed = np.zeros(len(segments)), np.zeros(len(segments)), np.zeros(len(segments), dtype=np.bool_)
     s = np.append(0.0, np.cumsum(rod.lengths))
-    for row in range(len(state.push)):
-        contact, segment, push = rod.touch["contact"][row], rod.touch["element"][row], found.state.push[row]
-        if rod.touch["feature"][row] != FACE:
-            pushed[contact] |= state.push[row] > 0.0
+    contacts, touched, features, before, after = rod.touch["contact"], rod.touch["element"], rod.touch["feature"], state.push, found.state
+    for row in range(len(before)):
+        contact, segment, push = contacts[row], touched[row], after.push[row]
+        if features[row] != FACE:
+            pushed[contact] |= before[row] > 0.0
             force[contact] += push
-            moment[contact] += push * (s[segment] + found.state.fraction[row] * rod.lengths[segment])
+            moment[contact] += push * (s[segment] + after.fraction[row] * rod.lengths[segment])
     is_lost, has_slid, last = False, False, len(rod.lengths) - 1
     for contact in range(len(segments)):
         if force[contact] > 0.0:
@@ -109,7 +112,9 @@ def follow_touching(rod, held, state, position, quaternion, segments):  # type: 
             has_slid |= not (s[segment] <= place < s[segment + 1] or (segment == last and place >= s[last]))
         else:
             is_lost |= pushed[contact]
-    return found, is_lost, has_slid
+    verdict = (1 if found.is_stable else 0) if found.is_converged else -1
+    changed = after.frames, after.force, after.holds, after.push, after.touches, after.fraction
+    return found.seen.nodes, verdict, is_lost, has_slid, changed
 
 
 @kernel

@@ -22,6 +22,7 @@ from .axial import add_give
 from .bend_limit import add_limit
 from .border import SOFTNESS, border_rows, is_far
 from .chain import carried_forces
+from .chain_terms import three
 from .closing import close
 from .elimination import columns, work_of
 from .jitted import inlined, kernel
@@ -61,9 +62,10 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
     gradient, diagonal, upper = assemble(
         state.frames, view.axes, rod.lengths, view.lengths, rod.elastic, rod.clamp_of_node, rod.clamp_frames, carried
     )
+    touched, axes, normal, numbers = rod.touch["element"], view.axes, view.normal, view.numbers
     for row in range(len(state.push)):
-        segment = rod.touch["element"][row]
-        couple = _couple(view.axes[segment], view.normal[row], view.numbers[row, 2])
+        segment = touched[row]
+        couple = _couple(axes, segment, normal, row, numbers[row, 2])
         for k in range(2):
             gradient[segment, k] -= state.push[row] * couple[k]
     if len(rod.elastic.limit) > 0:
@@ -75,13 +77,14 @@ def linear_system(rod, state, view):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _couple(axes, normal, arm):  # type: ignore[no-untyped-def]
+def _couple(axes, segment, normal, row, arm):  # type: ignore[no-untyped-def]
     """Change of the gap of a contact with the rotation of its segment about d1 and d2 [m].
 
     A force on an edge or a vertex acts at the feature, not at the axis.
     """
-    first = normal[0] * axes[0, 0] + normal[1] * axes[0, 1] + normal[2] * axes[0, 2]
-    second = normal[0] * axes[1, 0] + normal[1] * axes[1, 1] + normal[2] * axes[1, 2]
+    x, y, z = three(normal, row)
+    first = x * axes[segment, 0, 0] + y * axes[segment, 0, 1] + z * axes[segment, 0, 2]
+    second = x * axes[segment, 1, 0] + y * axes[segment, 1, 1] + z * axes[segment, 1, 2]
     return -arm * second, arm * first
 
 
@@ -141,13 +144,13 @@ def farthest_off(rod, state, view):  # type: ignore[no-untyped-def]
 @kernel
 def _closes_more(rod, state, view, step, near):  # type: ignore[no-untyped-def]
     """Whether a step closes a contact that was left out of it because it was open by more than `near` [m]."""
-    left = np.flatnonzero(is_far(state, view, near))
+    left = np.flatnonzero(is_far(state.push, state.touches, view.gap, near))
     if len(left) == 0:
         return False
-    moved = _moved(rod, view, step.turn)
+    moved = _moved(view.axes, view.lengths, rod.base, step.turn)
     for row in left:
         gap, segment, share = view.gap[row], rod.touch["element"][row], state.fraction[row]
-        couple = _couple(view.axes[segment], view.normal[row], view.numbers[row, 2])
+        couple = _couple(view.axes, segment, view.normal, row, view.numbers[row, 2])
         gap += couple[0] * step.turn[segment, 0] + couple[1] * step.turn[segment, 1]
         for k in range(3):
             gap += view.push[row, k] * ((1.0 - share) * moved[segment, k] + share * moved[segment + 1, k])
@@ -157,15 +160,15 @@ def _closes_more(rod, state, view, step, near):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _moved(rod, view, turn):  # type: ignore[no-untyped-def]
+def _moved(axes, lengths, base, turn):  # type: ignore[no-untyped-def]
     """Displacements (n, 3) [m] of the nodes by small turns (n-1, 3) [rad] of the segments about their own axes."""
     moved = np.zeros((len(turn) + 1, 3))
-    for j in range(rod.base, len(turn)):
+    for j in range(base, len(turn)):
         for k in range(3):
-            moved[j + 1, k] = moved[j, k] + view.lengths[j] * (turn[j, 1] * view.axes[j, 0, k] - turn[j, 0] * view.axes[j, 1, k])
-    for j in range(rod.base - 1, -1, -1):
+            moved[j + 1, k] = moved[j, k] + lengths[j] * (turn[j, 1] * axes[j, 0, k] - turn[j, 0] * axes[j, 1, k])
+    for j in range(base - 1, -1, -1):
         for k in range(3):
-            moved[j, k] = moved[j + 1, k] - view.lengths[j] * (turn[j, 1] * view.axes[j, 0, k] - turn[j, 0] * view.axes[j, 1, k])
+            moved[j, k] = moved[j + 1, k] - lengths[j] * (turn[j, 1] * axes[j, 0, k] - turn[j, 0] * axes[j, 1, k])
     return moved
 
 
@@ -178,7 +181,7 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
     border = border_rows(rod, state, view, soft, near)
     matrix = border_columns(rod, view, border, carried, diagonal)
     held, contacts = border.held, border.contacts
-    last = _last_segments(border, rod.base, len(gradient))
+    last = _last_segments(border.element, border.vector, border.is_turn, rod.base, len(gradient))
     schur = complement(diagonal, upper, beyond, matrix, gradient, last, border.is_turn, border.compliance)
     rows, right = schur.matrix, schur.right - border.residual[schur.kept]
     force, push, touches, drag, sticks = state.force.copy(), state.push.copy(), state.touches.copy(), state.drag.copy(), state.sticks
@@ -209,13 +212,12 @@ def step_with(rod, state, view, soft, shift, near):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _last_segments(border, base, count):  # type: ignore[no-untyped-def]
+def _last_segments(element, vector, is_turn, base, count):  # type: ignore[no-untyped-def]
     """The last segment (m,) at which each column may not be zero; rows without a vector of their own are spread over nodes."""
-    last = np.empty(len(border.element), dtype=np.int64)
+    last = np.empty(len(element), dtype=np.int64)
     for row in range(len(last)):
-        segment, vector = border.element[row], border.vector[row]
-        last[row] = segment if border.is_turn[row] or segment >= base else base - 1
-        if vector[0] == 0.0 and vector[1] == 0.0 and vector[2] == 0.0:
+        last[row] = element[row] if is_turn[row] or element[row] >= base else base - 1
+        if vector[row, 0] == 0.0 and vector[row, 1] == 0.0 and vector[row, 2] == 0.0:
             last[row] = count - 1
     return last
 
@@ -224,10 +226,11 @@ def _last_segments(border, base, count):  # type: ignore[no-untyped-def]
 def border_columns(rod, view, border, carried, diagonal):  # type: ignore[no-untyped-def]
     """Columns (n-1, 3, count) of all rows; what stretch adds goes to `diagonal` and to the compliance of the border too."""
     matrix = columns(view.axes, view.lengths, rod.base, border.element, border.fraction, border.vector, border.is_turn)
+    touched, axes, normal, numbers = rod.touch["element"], view.axes, view.normal, view.numbers
     for k in range(len(border.contacts)):
         row = border.contacts[k]
-        segment = rod.touch["element"][row]
-        couple = _couple(view.axes[segment], view.normal[row], view.numbers[row, 2])
+        segment = touched[row]
+        couple = _couple(axes, segment, normal, row, numbers[row, 2])
         for axis in range(2):
             matrix[segment, axis, len(border.held) + k] += couple[axis]
     if len(border.spread.row) > 0:

@@ -13,6 +13,7 @@ import numpy as np
 from .axial import pulled_lengths
 from .bend_limit import limit_energy
 from .chain import carried_forces, directors, positions
+from .chain_terms import three
 from .contact_geometry import FAR, contact_geometry
 from .inclined import add_couples, incline
 from .jitted import kernel
@@ -246,16 +247,17 @@ def _node_forces(rod, state, push_direction):  # type: ignore[no-untyped-def]
     forces = rod.loads.copy()
     if rod.held.inclined > 0:
         add_couples(forces, rod.held, state.force, state.holds)
-    held, holds, touch, rub = rod.held.rows, state.holds, rod.touch, rod.rub.rows
+    held, axes, holds, touch, rub = rod.held.rows, rod.held.rows["axis"], state.holds, rod.touch, rod.rub.rows
     for row in range(len(state.force) - rod.held.inclined):
         if is_active(held["bond"], holds, row):
-            _share(forces, held["element"][row], held["fraction"][row], state.force[row], held["axis"][row])
+            _share(forces, held["element"][row], held["fraction"][row], state.force[row], three(axes, row))
     for row in range(len(state.push)):
         if state.push[row] != 0.0:
-            _share(forces, touch["element"][row], state.fraction[row], state.push[row], push_direction[row])
+            _share(forces, touch["element"][row], state.fraction[row], state.push[row], three(push_direction, row))
     for row in range(len(state.drag)):
         for axis in range(2):
-            _share(forces, rub["element"][row], rub["fraction"][row], state.drag[row, axis], rub["axes"][row, axis])
+            along = rub["axes"][row, axis]
+            _share(forces, rub["element"][row], rub["fraction"][row], state.drag[row, axis], (along[0], along[1], along[2]))
     return forces
 
 

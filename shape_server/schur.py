@@ -22,7 +22,8 @@ import numpy as np
 
 from .band import eliminate
 from .elimination import invert
-from .jitted import kernel
+from .fours import add_four, set_four
+from .jitted import inlined, kernel
 
 NOT_ZERO = 1e-14  # of its two terms, the least size of s
 
@@ -36,7 +37,7 @@ class Schur(NamedTuple):
     negative: int  # negative eigenvalues of what was eliminated
     order: np.ndarray  # (k,) int, which of the rows left the columns of `solved` belong to
     begun: np.ndarray  # (n-1,) int, how many of them have begun at each segment
-    solved: np.ndarray  # (n-1, 3, k + 1), D^-1 L^-1 of g, then of the columns; of no meaning where one has not begun
+    solved: np.ndarray  # (n-1, 3, k + 1 or more), D^-1 L^-1 of g, then of the columns; of no meaning where one has not begun
     carry: np.ndarray  # (n-1, 3, 3), what a segment takes over from the turn of the one before it
 
 
@@ -59,8 +60,9 @@ def complement(diagonal, upper, beyond, matrix, gradient, last, is_turn, complia
     count = len(diagonal)
     row_of, order, begun = _begin(last, is_turn, count)
     many = len(order)
-    total, negative = np.zeros((many + 1, many + 1)), 0
-    left, solved, carry = np.empty((3, many + 1)), np.empty((count, 3, many + 1)), np.zeros((count, 3, 3))
+    room = 4 * ((many + 4) // 4)
+    total, negative = np.zeros((many + 1, room)), 0
+    left, solved, carry = np.zeros((3, room)), np.empty((count, 3, room)), np.zeros((count, 3, 3))
     block, inverse, turned, phi = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.zeros(many + 1)
     for j in range(count - 1, -1, -1):
         wide, row = 1 + begun[j], row_of[j]
@@ -71,11 +73,11 @@ def complement(diagonal, upper, beyond, matrix, gradient, last, is_turn, complia
             for a in range(1, wide):
                 left[r, a] = matrix[j, r, order[a - 1]]
         if j + 1 < count:
-            _take_over(carry[j + 1], upper[j], solved[j + 1], left, block, 1 + begun[j + 1])
+            _take_over(carry, upper, solved, j, left, block, 1 + begun[j + 1])
         negative += invert(block, inverse)
         size = 0.0
         if row >= 0:
-            size = _give_way(matrix[j, :, row], compliance[row, row], inverse, turned)
+            size = _give_way((matrix[j, 0, row], matrix[j, 1, row], matrix[j, 2, row]), compliance[row, row], inverse, turned)
             negative += 1 if size > 0.0 else 0
         if j > 0:
             for r in range(3):
@@ -83,12 +85,12 @@ def complement(diagonal, upper, beyond, matrix, gradient, last, is_turn, complia
                     carry[j, r, c] = 0.0
                     for k in range(3):
                         carry[j, r, c] += inverse[r, k] * upper[j - 1, c, k]
-        _solve(inverse, left, solved[j], wide)
+        _solve(inverse, left, solved, j, wide)
         if row >= 0:
             for a in range(1, wide):
                 phi[a] = -compliance[row, order[a - 1]]
-            _add_line(phi, turned, size, left, solved[j], total, wide)
-        _add(left, solved[j], total, wide)
+            _add_line(phi, turned, size, left, solved, j, total, wide)
+        _add(left, solved, j, total, wide)
     kept, place = np.sort(order), np.empty(len(last), dtype=np.int64)
     place[kept] = np.arange(many)
     rows, right = np.empty((many, many)), np.empty(many)
@@ -123,18 +125,19 @@ def _begin(last, is_turn, count):  # type: ignore[no-untyped-def]
     return row_of, order, begun
 
 
-@kernel
-def _take_over(carry, upper, solved, left, block, wide):  # type: ignore[no-untyped-def]
-    """Eliminate the segment after this one from its block and its columns."""
+@inlined
+def _take_over(carry, upper, solved, j, left, block, wide):  # type: ignore[no-untyped-def]
+    """Eliminate the segment after j from its block and its columns."""
+    room = left.shape[1]
     for r in range(3):
-        x, y, z = upper[r, 0], upper[r, 1], upper[r, 2]
+        x, y, z = upper[j, r, 0], upper[j, r, 1], upper[j, r, 2]
         for c in range(3):
-            block[r, c] -= x * carry[0, c] + y * carry[1, c] + z * carry[2, c]
-        for a in range(wide):
-            left[r, a] -= x * solved[0, a] + y * solved[1, a] + z * solved[2, a]
+            block[r, c] -= x * carry[j + 1, 0, c] + y * carry[j + 1, 1, c] + z * carry[j + 1, 2, c]
+        for a in range(0, wide, 4):
+            add_four(left, r * room + a, solved, 3 * (j + 1) * room + a, room, -x, -y, -z)
 
 
-@kernel
+@inlined
 def _give_way(column, beta, inverse, turned):  # type: ignore[no-untyped-def]
     """Eliminate the line of a row from the inverse of its segment; `turned` (3,) becomes D^-1 b. Returns s."""
     work = 0.0
@@ -149,18 +152,18 @@ def _give_way(column, beta, inverse, turned):  # type: ignore[no-untyped-def]
     return size
 
 
-@kernel
-def _solve(inverse, left, solved, wide):  # type: ignore[no-untyped-def]
-    """Solve one segment."""
+@inlined
+def _solve(inverse, left, solved, j, wide):  # type: ignore[no-untyped-def]
+    """Solve segment j."""
+    room = left.shape[1]
     for r in range(3):
-        x, y, z = inverse[r, 0], inverse[r, 1], inverse[r, 2]
-        for a in range(wide):
-            solved[r, a] = x * left[0, a] + y * left[1, a] + z * left[2, a]
+        for a in range(0, wide, 4):
+            set_four(solved, (3 * j + r) * room + a, left, a, room, inverse[r, 0], inverse[r, 1], inverse[r, 2])
 
 
-@kernel
-def _add_line(phi, turned, size, left, solved, total, wide):  # type: ignore[no-untyped-def]
-    """Add what the line of a row adds to a segment's solutions and to the lower half of the sum; `phi` (k + 1,) are its entries."""
+@inlined
+def _add_line(phi, turned, size, left, solved, j, total, wide):  # type: ignore[no-untyped-def]
+    """Add what the line of a row adds to the solutions of segment j and to the lower half of the sum; `phi` (k + 1,) are its entries."""
     for a in range(1, wide):
         if phi[a] == 0.0:
             continue
@@ -168,16 +171,16 @@ def _add_line(phi, turned, size, left, solved, total, wide):  # type: ignore[no-
             along = turned[0] * left[0, b] + turned[1] * left[1, b] + turned[2] * left[2, b]
             total[a, b] += phi[a] * (along - phi[b]) / size
         for r in range(3):
-            solved[r, a] += turned[r] * phi[a] / size
+            solved[j, r, a] += turned[r] * phi[a] / size
 
 
-@kernel
-def _add(left, solved, total, wide):  # type: ignore[no-untyped-def]
-    """Add one segment to the lower half of the sum."""
+@inlined
+def _add(left, solved, j, total, wide):  # type: ignore[no-untyped-def]
+    """Add segment j to the lower half of the sum, of which each line is filled up to a multiple of four."""
+    room = left.shape[1]
     for a in range(wide):
-        x, y, z = left[0, a], left[1, a], left[2, a]
-        for b in range(a + 1):
-            total[a, b] += x * solved[0, b] + y * solved[1, b] + z * solved[2, b]
+        for b in range(0, a + 1, 4):
+            add_four(total, a * room + b, solved, 3 * j * room + b, room, left[0, a], left[1, a], left[2, a])
 
 
 @kernel

@@ -242,7 +242,7 @@ def test_columns_begin_where_they_are_said_to(name: str, base: int) -> None:
     carried, _, diagonal, _, _ = numpy_path.linear_system(held, moved, view)
     border = numpy_path.border_rows(held, moved, view, (0.0, 0.0), np.inf)
     columns = numpy_path.border_columns(held, view, border, carried, diagonal)
-    last = _last_segments.py_func(border, base, len(columns))
+    last = _last_segments.py_func(border.element, border.vector, border.is_turn, base, len(columns))
     for row in range(len(last)):
         assert not columns[last[row] + 1 :, :, row].any()
         if border.is_turn[row]:

@@ -60,7 +60,7 @@ def test_contacts_are_left_out_and_one_that_closes_all_the_same_is_taken_in() ->
         system.rod.held.rows["goal"][2] -= 5e-3
         step, _, view = both(system.rod, state)
         state, _ = KERNELS.look(system.rod, state, np.ascontiguousarray(system.rod.touch["normal"]))
-        far = is_far(state, view, newton.AHEAD * newton.farthest_off(system.rod, state, view))
+        far = is_far(state.push, state.touches, view.gap, newton.AHEAD * newton.farthest_off(system.rod, state, view))
         left, closed = left + int(far.any()), closed + int((far & step.touches).any())
     assert left > 20
     assert closed > 0
