@@ -1,6 +1,6 @@
 """Four numbers of a row at once, as vectors of the processor: what LLVM does not find by itself in loops over a dozen columns.
 
-Its loops take sixteen columns at once, and a rest of up to fifteen one by one; its search for vectors among single statements is
+Its loops take several vectors at once, and what is left over one by one; its search for vectors among single statements is
 switched off by numba. Decision 0045 has the times.
 """
 
@@ -21,6 +21,7 @@ def _combination(is_added: bool) -> Callable[[Any, ir.IRBuilder, Any, Sequence[i
     """Writes the code of either function below."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, given: Sequence[ir.Value]) -> ir.Value:
+        """Instructions for arguments in the order of `_set_four`, without the first."""
         target, source = (context.make_array(signature.args[k])(context, builder, given[k]).data for k in (0, 2))
         to, at, stride = builder.bitcast(builder.gep(target, [given[1]]), FOUR.as_pointer()), given[3], given[4]
         total: Any = None

@@ -80,7 +80,8 @@ def test_on_a_floor_a_short_budget_gives_a_coarse_shape_with_its_error() -> None
     errors = [true_error(one, exact.nodes) for one in answers if one.outcome is Outcome.CONVERGED]
     assert len(errors) >= 2  # measured 3; one where another program slows this down
     for one, error in zip([one for one in answers if one.outcome is Outcome.CONVERGED], errors, strict=True):
-        assert error < 2e-3 if one.error is None else error <= one.error  # measured 1.6e-3 with twelve segments, and 2e-6 to 1e-4
+        # Measured 1.6e-3 with twelve segments, whose shape comes without an error, and 2e-6 to 1e-4 with more.
+        assert error < (2e-3 if one.error is None else min(1e-3, one.error))
         assert len(one.contact_s) == 100
 
 
