@@ -5,14 +5,18 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
-from .distances import kernel, leaf, length, minus, rotation, row, turned, turned_back
+from .distances import dot, kernel, leaf, length, minus, rotation, row, turned, turned_back
 from .edges import CLOSE, SLIDE, EdgeTable
 from .hits import EDGE, FACE, VERTEX, find_hits
 from .pairs import columns, triple
 from .skin import Lists
 from .surface import Features, edge_end
+
+STRAIGHT: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # axes of a body that is not turned
 
 
 @kernel
@@ -26,15 +30,17 @@ def find(
     reach: float,
     excluded: np.ndarray,
     capacity: int,
-) -> tuple[int, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """All pairs within reach: how many, clearance (n-1,), extents (m, 2) and the arrays of `pairs.columns`.
+) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+    """All pairs within reach: how many, and the arrays of `pairs.columns`.
 
     Arguments as for `find_hits`; more pairs than the capacity say how much room is needed, and nothing else.
     """
     own, hits, clearance = find_hits(features, known, nodes, poses, radius, radius + reach, excluded, capacity)
     count = add_edges_beyond(features, table, hits, own, poses, radius + CLOSE) if own <= capacity else own
     found = hits[: count if count <= capacity else 0]
-    return count, clearance, extents(features, table, found, poses), columns(found, own, radius)
+    names, flags, numbers = columns(found, own, radius, clearance)
+    write_extents(features, table, found, poses, numbers[12 * len(found) : 14 * len(found)].reshape(len(found), 2))
+    return count, names, flags, numbers
 
 
 @leaf
@@ -104,18 +110,18 @@ def _is_known(hits: np.ndarray, found: int, total: int, touched: int, name: int)
     return False
 
 
-@kernel
-def extents(features: Features, table: EdgeTable, hits: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """How far the edges of pairs go on from their points, back and ahead (m, 2) [m]; zero for other features."""
-    out, ends, surfaces = np.zeros((len(hits), 2)), features.edge_ends, features.surfaces
+@leaf
+def write_extents(features: Features, table: EdgeTable, hits: np.ndarray, poses: np.ndarray, out: np.ndarray) -> None:
+    """Write to `out` (m, 2) how far the edges of pairs go on from their points, back and ahead [m]; other features are left alone."""
+    ends, surfaces, turned_by, axes = features.edge_ends, features.surfaces, -1, STRAIGHT
     for pair in range(len(hits)):
         if hits[pair].feature == EDGE:
             body = hits[pair].body
+            if body != turned_by:
+                turned_by, axes = body, rotation(poses[body])
             edge = surfaces[body].first_edge + hits[pair].feature_id
-            axes, low, high = rotation(poses[body]), edge_end(ends, edge, 0), edge_end(ends, edge, 1)
+            low, high = edge_end(ends, edge, 0), edge_end(ends, edge, 1)
             apart = minus(turned(axes, low), minus(triple(hits[pair].point), row(poses, body)))
-            direction = triple(hits[pair].direction)
-            back = apart[0] * direction[0] + apart[1] * direction[1] + apart[2] * direction[2]
+            back = dot(apart, triple(hits[pair].direction))
             out[pair, 0] = back - table.margins[edge, 0]
             out[pair, 1] = back + length(minus(high, low)) + table.margins[edge, 1]
-    return out

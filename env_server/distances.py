@@ -41,6 +41,12 @@ def leaf(function: Function) -> Function:
     return cast(Function, compiled)
 
 
+def inlined(function: Function) -> Function:
+    """Compile as a leaf, into its callers: for what is called in one place and gets more than a handful of numbers handed over."""
+    compiled: Any = njit(**{**OPTIONS, "_nrt": False, "forceinline": True})(function)
+    return cast(Function, compiled)
+
+
 def fixed(array: np.ndarray, kind: type = np.float64) -> np.ndarray:
     """The array, read-only always: numba compiles anew for arrays that may be written to and those that may not."""
     view: np.ndarray = np.ascontiguousarray(array, dtype=kind).view()
@@ -210,45 +216,22 @@ def is_in_cone(away: Triple, distance: float, rows: np.ndarray, first: int, last
 
 
 @leaf
-def enters_cone(start: Triple, end: Triple, slack: float, planes: np.ndarray, first: int, last: int) -> bool:
-    """Is a point of the segment at most `slack` above all planes (., 4) from first to last?"""
-    low, high = 0.0, 1.0
-    for index in range(first, last):
-        normal, offset = row(planes, index), planes[index, 3] + slack
-        at_start, at_end = dot(start, normal) - offset, dot(end, normal) - offset
-        if at_start > 0.0 and at_end > 0.0:
-            return False
-        if at_start > 0.0:
-            low = max(low, at_start / (at_start - at_end))
-        elif at_end > 0.0:
-            high = min(high, at_start / (at_start - at_end))
-    return low <= high + 1e-9
-
-
-@leaf
 def length(a: Triple) -> float:
     """Length |a|."""
     return float(dot(a, a) ** 0.5)
 
 
 @leaf
-def total(rows: np.ndarray) -> float:
-    """Sum of all numbers of an array with two dimensions."""
-    found = 0.0
-    for index in range(rows.shape[0]):
-        for column in range(rows.shape[1]):
-            found += rows[index, column]
-    return found
-
-
-@leaf
-def shortest(poses: np.ndarray) -> float:
-    """Length of the shortest quaternion of poses (b, 7); infinite without one."""
-    found = np.inf
+def total_and_shortest(nodes: np.ndarray, poses: np.ndarray) -> tuple[float, float]:
+    """Sum of all numbers of nodes (n, 3) and poses (b, 7), and length of the shortest quaternion, infinite without one."""
+    total, shortest = 0.0, np.inf
+    for index in range(len(nodes)):
+        total += nodes[index, 0] + nodes[index, 1] + nodes[index, 2]
     for index in range(len(poses)):
         x, y, z, w = poses[index, 3], poses[index, 4], poses[index, 5], poses[index, 6]
-        found = min(found, (x * x + y * y + z * z + w * w) ** 0.5)
-    return found
+        total += poses[index, 0] + poses[index, 1] + poses[index, 2] + x + y + z + w
+        shortest = min(shortest, (x * x + y * y + z * z + w * w) ** 0.5)
+    return total, shortest
 
 
 @leaf

@@ -67,20 +67,17 @@ def report(raw: np.ndarray, order: np.ndarray, radius: float, hits: np.ndarray, 
 
 
 @kernel
-def columns(hits: np.ndarray, own: int, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def columns(hits: np.ndarray, own: int, radius: float, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The fields of `touch.Candidates`, of m pairs; those from `own` on are beyond an edge. Few arrays, for each costs a microsecond.
 
     Returns:
-        Segment, body, feature and its name (4, m); fraction, gap and thickness (3, m); point, normal and direction (3, m, 3); and
-        whether they are crossings, and beyond (2, m).
+        Segment, body, feature and its name (4, m); whether they are crossings, and beyond (2, m); and one after the other fraction,
+        gap and thickness (3, m), point, normal and direction (3, m, 3), extent (m, 2), which is zero, and clearance (n-1,).
     """
     count = len(hits)
-    names, numbers, vectors, flags = (
-        np.empty((4, count), np.int64),
-        np.empty((3, count)),
-        np.empty((3, count, 3)),
-        np.empty((2, count), np.bool_),
-    )
+    names, flags, numbers = np.empty((4, count), np.int64), np.empty((2, count), np.bool_), np.empty(14 * count + len(clearance))
+    singles, vectors = numbers[: 3 * count].reshape(3, count), numbers[3 * count : 12 * count].reshape(3, count, 3)
+    numbers[12 * count : 14 * count], numbers[14 * count :] = 0.0, clearance
     for hit in range(count):
         names[0, hit], names[1, hit], names[2, hit], names[3, hit] = (
             hits[hit].segment,
@@ -88,12 +85,12 @@ def columns(hits: np.ndarray, own: int, radius: float) -> tuple[np.ndarray, np.n
             hits[hit].feature,
             hits[hit].feature_id,
         )
-        numbers[0, hit], numbers[1, hit], numbers[2, hit] = hits[hit].fraction, hits[hit].distance - radius, 0.0
+        singles[0, hit], singles[1, hit], singles[2, hit] = hits[hit].fraction, hits[hit].distance - radius, 0.0
         for axis in range(3):
             vectors[0, hit, axis], vectors[1, hit, axis] = hits[hit].point[axis], hits[hit].normal[axis]
             vectors[2, hit, axis] = hits[hit].direction[axis]
         flags[0, hit], flags[1, hit] = hits[hit].is_crossing != 0, hit >= own
-    return names, numbers, vectors, flags
+    return names, flags, numbers
 
 
 @leaf

@@ -25,7 +25,7 @@ import numpy as np
 
 from protocol.errors import SceneError
 
-from .distances import ROUNDING, Triple, ahead, dot, leaf, minus
+from .distances import ROUNDING, Triple, ahead, dot, inlined, leaf, minus
 from .tree import grown
 
 FLAT: Final = 1e-6  # rad, an edge with a smaller dihedral angle is part of its faces
@@ -126,22 +126,11 @@ def edge_end(ends: np.ndarray, edge: int, end: int) -> Triple:
     return (ends[edge, end, 0], ends[edge, end, 1], ends[edge, end, 2])
 
 
-@leaf
-def is_beside(ends: np.ndarray, edge: int, start: Triple, end: Triple) -> bool:
-    """Is a point of the segment between the two planes that are square to an edge at its ends?"""
-    low, high = edge_end(ends, edge, 0), edge_end(ends, edge, 1)
-    along = minus(high, low)
-    if max(dot(minus(start, low), along), dot(minus(end, low), along)) <= 0.0:
-        return False
-    return min(dot(minus(start, high), along), dot(minus(end, high), along)) < 0.0
-
-
-@leaf
-def hides(planes: np.ndarray, near: np.ndarray, count: int, eye: Triple, point: Triple) -> bool:
-    """Does one of the first triangles of `near` cut the line of sight from `eye` to a point on one of them?"""
+@inlined
+def hides(planes: np.ndarray, near: np.ndarray, eye: Triple, point: Triple) -> bool:
+    """Does one of the triangles `near` cut the line of sight from `eye` to a point on one of them?"""
     point = ahead(point, minus(eye, point), SKIN)
-    for place in range(count):
-        triangle = near[place]
+    for triangle in near:
         height_eye, height_point = height(planes, triangle, 0, eye), height(planes, triangle, 0, point)
         if (height_eye > 0.0) != (height_point > 0.0):
             crossing = ahead(eye, minus(point, eye), height_eye / (height_eye - height_point))

@@ -22,17 +22,17 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, final
 
+import msgspec
 import numpy as np
 
 from protocol.errors import SceneError
 
 from . import edges
 from .beyond import find
-from .distances import fixed, shortest, total
+from .distances import fixed, total_and_shortest
 from .hits import FACE
 from .skin import Lists, lists, no_lists
 from .surface import Surface, join
@@ -49,13 +49,12 @@ COMPILED: Final = (
     "round_hits",
 )  # files with what numba compiles of the search
 STAMP: Final = "search.stamp"  # beside numba's cache: what the code in it was compiled from
-NOTHING: Final = np.zeros((0, 0), dtype=np.bool_)  # is excluded
+NOTHING: Final = fixed(np.zeros((0, 0)), np.bool_)  # is excluded
 NEIGHBOURHOOD: Final = 1.5  # segments along the cable within which a previous normal still holds
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
+class Candidates(msgspec.Struct, frozen=True, eq=False):
     """Places of contact within reach, by body, then along the cable, the nearest first; arrays are read-only."""
 
     segment: np.ndarray  # (m,) int, of the cable
@@ -123,22 +122,22 @@ class Touch:
             SceneError: If an array has a wrong shape or a value that is not finite.
         """
         nodes, poses = fixed(nodes, np.float64), fixed(poses, np.float64)
-        mask = fixed(NOTHING if excluded is None else excluded, np.bool_)
+        mask = NOTHING if excluded is None else fixed(excluded, np.bool_)
         self._check(nodes, poses, radius, reach, excluded)
         known, capacity = self._lists(cable, len(nodes) - 1), 64 + 8 * len(nodes)
         while True:
-            count, clearance, extent, columns = find(self._features, self._edges, known, nodes, poses, radius, reach, mask, capacity)
+            count, names, flags, numbers = find(self._features, self._edges, known, nodes, poses, radius, reach, mask, capacity)
             if count <= capacity:
                 break
             capacity = 2 * count
-        return _candidates(clearance, extent, columns, previous)
+        return _candidates(names, flags, numbers, previous)
 
     def _lists(self, cable: int | None, segments: int) -> Lists:
         """The lists of a cable, new ones if it has other segments than before."""
         if cable is None:
             return self._unlisted
         known = self._listed.get(cable)
-        if known is None or known.wide.shape[1] != segments:
+        if known is None or known.counts.shape[2] != segments:
             known = self._listed[cable] = lists(self.body_count, segments)
         return known
 
@@ -149,11 +148,12 @@ class Touch:
             raise SceneError(f"poses: shape {poses.shape} must be ({self.body_count}, 7), one row for each surface", key="poses")
         if excluded is not None and excluded.shape != (len(nodes) - 1, self.body_count):
             raise SceneError(f"excluded: shape {excluded.shape} must be ({len(nodes) - 1}, {self.body_count})", key="excluded")
+        total, shortest = total_and_shortest(nodes, poses)
         # A sum is finite only where all its terms are.
-        if not math.isfinite(total(nodes) + total(poses) + radius + reach):
+        if not math.isfinite(total + radius + reach):
             raise SceneError("nodes, poses, radius and reach: must be finite", key="nodes")
         # A zero quaternion would put the body nowhere, and its contacts would vanish without a word.
-        if not shortest(poses) > 0.7:
+        if not shortest > 0.7:
             raise SceneError("poses: every quaternion must have length 1", key="poses")
 
 
@@ -208,36 +208,30 @@ def keep_normals(found: Mapping[str, np.ndarray] | np.ndarray, is_crossing: np.n
             normals[index] = normal
 
 
-def _candidates(
-    clearance: np.ndarray,
-    extent: np.ndarray,
-    columns: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    previous: Candidates | None,
-) -> Candidates:
+def _candidates(names: np.ndarray, flags: np.ndarray, numbers: np.ndarray, previous: Candidates | None) -> Candidates:
     """Candidates from the arrays of `pairs.columns`."""
-    names, numbers, vectors, flags = columns
+    count = names.shape[1]
     if previous is not None and flags[0].any():
-        found = {"segment": names[0], "body": names[1], "feature": names[2], "fraction": numbers[0], "normal": vectors[1]}
+        normals = numbers[6 * count : 9 * count].reshape(count, 3)
+        found = {"segment": names[0], "body": names[1], "feature": names[2], "fraction": numbers[:count], "normal": normals}
         keep_normals(found, flags[0], previous)
-    for array in (clearance, extent, names, numbers, vectors, flags):
+    for array in (names, flags, numbers):
         array.setflags(write=False)  # and so are all views that are made of it from here on
-    segment, body, feature, feature_id = names
-    fraction, gap, thickness = numbers
-    point, normal, direction = vectors
-    is_crossing, is_beyond = flags
+    singles, vectors = numbers[: 3 * count].reshape(3, count), numbers[3 * count : 12 * count].reshape(3, count, 3)
+    # Rows by their number: to unpack an array takes three times as long.
     return Candidates(
-        segment=segment,
-        fraction=fraction,
-        body=body,
-        feature=feature,
-        feature_id=feature_id,
-        point=point,
-        normal=normal,
-        direction=direction,
-        extent=extent,
-        gap=gap,
-        is_crossing=is_crossing,
-        thickness=thickness,
-        is_beyond=is_beyond,
-        clearance=clearance,
+        segment=names[0],
+        fraction=singles[0],
+        body=names[1],
+        feature=names[2],
+        feature_id=names[3],
+        point=vectors[0],
+        normal=vectors[1],
+        direction=vectors[2],
+        extent=numbers[12 * count : 14 * count].reshape(count, 2),
+        gap=singles[1],
+        is_crossing=flags[0],
+        thickness=singles[2],
+        is_beyond=flags[1],
+        clearance=numbers[14 * count :],
     )

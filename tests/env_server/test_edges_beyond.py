@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from test_touch import RADIUS, straight
 from trimesh import creation
 
-from env_server.beyond import add_edges_beyond, extents
+from env_server.beyond import add_edges_beyond, write_extents
 from env_server.edges import CLOSE, SLIDE
 from env_server.hits import EDGE, FACE, VERTEX, find_hits
 from env_server.pairs import PAIR
@@ -84,12 +84,15 @@ def test_the_lines_of_edges_end_where_their_edges_do() -> None:
     along = ends[:, 1] - ends[:, 0]
     hits["direction"] = along / np.linalg.norm(along, axis=1, keepdims=True)
     hits["point"] = ends[:, 0] + 0.3 * along
-    extent = extents(features, table, hits, poses)
+    extent = np.zeros((len(hits), 2))
+    write_extents(features, table, hits, poses, extent)
     for end, sign in ((0, 1.0), (1, -1.0)):
         reached = hits["point"] + (extent[:, end] + sign * table.margins[:, end])[:, None] * hits["direction"]
         assert np.abs(reached - ends[:, end]).max() < 1e-15  # measured 7e-18
     hits["feature"] = VERTEX
-    assert not extents(features, table, hits, poses).any()
+    extent[:] = 0.0
+    write_extents(features, table, hits, poses, extent)
+    assert not extent.any()
 
 
 def test_there_is_room_for_as_many_edges_beyond_as_there_are() -> None:

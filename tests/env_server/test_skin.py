@@ -19,7 +19,7 @@ def bodies() -> Touch:
 
 
 def assert_same(one: Candidates, other: Candidates) -> None:
-    for name in Candidates.__slots__:
+    for name in Candidates.__struct_fields__:
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
 
 
@@ -66,17 +66,17 @@ def test_a_list_without_enough_room_is_not_used() -> None:
     for _ in range(3):
         nodes = straight((-0.02, 0.0, 0.011), (0.02, 0.0, 0.011), 4) + 1e-4 * rng.normal(size=(5, 3))
         assert_same(whole.search(nodes, AT_REST, RADIUS, REACH), listed.search(nodes, AT_REST, RADIUS, REACH, cable=0))
-    assert listed._listed[0].wide["count"].min() == -1
+    assert listed._listed[0].counts[skin.WIDE].min() == -1
 
 
 def test_a_list_stays_valid_until_a_segment_has_left_its_region() -> None:
     touch, nodes = bodies(), straight((-0.08, 0.0, 0.0), (0.08, 0.0, 0.0), 8)
     poses = np.tile(AT_REST, (3, 1))
     touch.search(nodes, poses, RADIUS, REACH, cable=0)
-    boxes = touch._listed[0].wide["box"]
+    boxes = touch._listed[0].boxes[skin.WIDE]
     made = boxes.copy()
-    touch.search(nodes + 0.99 * skin.SKIN, poses, RADIUS, REACH, cable=0)
+    touch.search(nodes + 0.99 * skin.SKINS[skin.WIDE], poses, RADIUS, REACH, cable=0)
     assert np.array_equal(boxes, made)
-    poses[:, 1] -= 0.5 * skin.SKIN  # a body counts as much as the cable
-    touch.search(nodes + np.array([0.0, 0.6 * skin.SKIN, 0.0]), poses, RADIUS, REACH, cable=0)
+    poses[:, 1] -= 0.5 * skin.SKINS[skin.WIDE]  # a body counts as much as the cable
+    touch.search(nodes + np.array([0.0, 0.6 * skin.SKINS[skin.WIDE], 0.0]), poses, RADIUS, REACH, cable=0)
     assert not np.array_equal(boxes, made)

@@ -274,7 +274,7 @@ def test_the_same_search_gives_the_same_bits() -> None:
     random = np.random.default_rng(23)
     mesh, pose, nodes = random_mesh(random, 3), random_poses(random, 1), random_cable(random)
     one, other = search(mesh, nodes, pose), search(mesh, nodes, pose)
-    for name in Candidates.__slots__:
+    for name in Candidates.__struct_fields__:
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
 
