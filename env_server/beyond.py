@@ -11,8 +11,9 @@ import numpy as np
 
 from .distances import dot, kernel, leaf, length, minus, rotation, row, turned, turned_back
 from .edges import CLOSE, SLIDE, EdgeTable
-from .hits import EDGE, FACE, VERTEX, find_hits
+from .hits import find_hits
 from .pairs import columns, triple
+from .piece_hits import EDGE, FACE, VERTEX
 from .skin import Lists
 from .surface import Features, edge_end
 

@@ -23,7 +23,7 @@ from protocol.messages import Contacts, Grasps, Shape
 from . import anchors
 from .bond import Bond as Bond
 from .bond import slid
-from .hits import FACE
+from .piece_hits import FACE
 from .polyline import points_at
 from .poses import inside, outside, turn_inside, turn_outside
 from .touch import Candidates

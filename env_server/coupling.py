@@ -30,7 +30,7 @@ from protocol.kinds import FRICTION_CODES, Friction, Hold
 from protocol.messages import Contacts, Grasps, Shape
 
 from .boundary import Boundary, at_place
-from .hits import FACE
+from .piece_hits import FACE
 from .polyline import points_at
 from .poses import outside, turn_outside
 from .touch import Candidates

@@ -23,7 +23,7 @@ from protocol.messages import Grasps
 
 from .boundary import Bond, at_place
 from .hanging import Hanging, unsettled
-from .hits import FACE
+from .piece_hits import FACE
 from .poses import inside, turn_inside
 from .stage import Posture
 from .touch import Candidates
@@ -77,7 +77,7 @@ def sides(was: Hanging) -> Candidates:
         own, here = near.body == pushes.surface[row], np.abs(place - pushes.s[row]) < spacing
         normal[own & here] = pushes.normal[row]
         kept &= ~own | here
-    columns = {name: getattr(near, name)[kept] for name in Candidates.__struct_fields__ if name not in ("clearance", "normal")}
+    columns = {name: getattr(near, name)[kept] for name in Candidates._fields if name not in ("clearance", "normal")}
     return Candidates(**columns, normal=normal[kept], clearance=near.clearance)
 
 

@@ -59,7 +59,7 @@ def joined(cable: Hanging, body_count: int, reach: float) -> Candidates:
     if not near.any():
         return cable.bodies
     first, second = cable.bodies, cable.links
-    names = [name for name in Candidates.__struct_fields__ if name not in ("body", "clearance")]
+    names = [name for name in Candidates._fields if name not in ("body", "clearance")]
     columns = {name: np.concatenate([getattr(first, name), getattr(second, name)[near]]) for name in names}
     return Candidates(
         **columns,
@@ -97,7 +97,7 @@ def _is_in_itself(cable: Hanging) -> bool:
 def nowhere(shape: Shape, boundary: Boundary) -> Hanging:
     """A cable without a shape, whose outcome says why."""
     none = np.zeros(0)
-    nothing = Candidates(**dict.fromkeys(Candidates.__struct_fields__, none))
+    nothing = Candidates(**dict.fromkeys(Candidates._fields, none))
     return Hanging(shape, boundary, nothing, nothing)
 
 

@@ -20,8 +20,8 @@ from protocol.kinds import Primitive
 from protocol.scene import Body
 
 from . import bends
-from .hits import EDGE, FACE
 from .meshes import Mesh
+from .piece_hits import EDGE, FACE
 from .round_hits import BALL, PLANE, ROD, TUBE, find_round_hits
 from .surface import Surface
 from .touch import NEIGHBOURHOOD, Candidates, Touch, keep_normals
@@ -103,7 +103,7 @@ class Primitives:
         columns["thickness"] = np.concatenate([on_meshes.thickness, self._radii[own]])
         _see_bends(columns, len(on_meshes.body), nodes, radius, is_limp=cable in self._limp)
         found = Candidates(**columns, clearance=np.minimum(on_meshes.clearance, near.min(axis=0)))
-        for name in Candidates.__struct_fields__:
+        for name in Candidates._fields:
             getattr(found, name).setflags(write=False)
         return found
 
@@ -170,7 +170,7 @@ def _renumbered(previous: Candidates | None, meshes: np.ndarray) -> Candidates |
         return None
     number = np.full(max(int(previous.body.max(initial=-1)), int(meshes.max())) + 1, -1, dtype=np.int64)
     number[meshes] = np.arange(len(meshes))
-    columns = {name: getattr(previous, name) for name in Candidates.__struct_fields__}
+    columns = {name: getattr(previous, name) for name in Candidates._fields}
     return Candidates(**columns | {"body": number[previous.body]})
 
 

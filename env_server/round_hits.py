@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from .distances import PARALLEL, Triple, ahead, cross, dot, kernel, leaf, length, minus, rotation, row, segment_segment
-from .hits import CORE, EDGE, FACE, NO_DIRECTION, SNAP, VERTEX
 from .pairs import PAIR
+from .piece_hits import CORE, EDGE, FACE, NO_DIRECTION, SNAP, VERTEX
 
 BALL, ROD, TUBE, PLANE = range(4)  # sphere or point; capsule; cylinder; plane
 GOLDEN: Final = 0.5 * (5.0**0.5 - 1.0)

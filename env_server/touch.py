@@ -23,9 +23,8 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, Final, NamedTuple, final
 
-import msgspec
 import numpy as np
 
 from protocol.errors import SceneError
@@ -33,12 +32,13 @@ from protocol.errors import SceneError
 from . import edges
 from .beyond import find
 from .distances import fixed, total_and_shortest
-from .hits import FACE
+from .piece_hits import FACE
 from .skin import Lists, lists, no_lists
 from .surface import Surface, join
 
 COMPILED: Final = (
     "hits",
+    "piece_hits",
     "pairs",
     "distances",
     "surface",
@@ -53,8 +53,7 @@ NOTHING: Final = fixed(np.zeros((0, 0)), np.bool_)  # is excluded
 NEIGHBOURHOOD: Final = 1.5  # segments along the cable within which a previous normal still holds
 
 
-@final
-class Candidates(msgspec.Struct, frozen=True, eq=False):
+class Candidates(NamedTuple):
     """Places of contact within reach, by body, then along the cable, the nearest first; arrays are read-only."""
 
     segment: np.ndarray  # (m,) int, of the cable

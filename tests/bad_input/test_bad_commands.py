@@ -6,6 +6,7 @@ import pytest
 from asking import Place
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -93,6 +93,7 @@ MISTAKES = [
 ]
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("old", "new", "sentence"), MISTAKES, ids=[f"{old} -> {new}".replace("\n", " ") for old, new, _ in MISTAKES])
 def test_a_mistake_in_a_posture_gets_one_sentence(old: str, new: str, sentence: str, here: Place) -> None:
     here.write("posture.toml", replaced(POSTURE, [(old, new)]))

@@ -51,6 +51,7 @@ def test_a_file_that_is_no_mesh_is_named(mesh: str, content: bytes, words: tuple
     assert all(word in sentence for word in words), sentence
 
 
+@pytest.mark.thorough
 def test_a_clip_of_a_body_without_clips_is_named(here: Place) -> None:
     here.write("plate.obj", PLATE)
     here.write("scene.toml", replaced(SCENE, [("by = [0, 0, -0.01]", 'clip = "plate.clip_6"')]))
@@ -60,6 +61,7 @@ def test_a_clip_of_a_body_without_clips_is_named(here: Place) -> None:
     )
 
 
+@pytest.mark.thorough
 def test_two_targets_for_one_gripper_in_one_move_are_refused(here: Place) -> None:
     here.write("plate.obj", PLATE)
     here.write("scene.toml", replaced(SCENE, [("-0.01]}]", '-0.01]}, {gripper = "left", to = [0, 0, 1]}]')]))
@@ -67,6 +69,7 @@ def test_two_targets_for_one_gripper_in_one_move_are_refused(here: Place) -> Non
     assert here.refused("run", "scene.toml")[-1] == "moves[0].targets[1].gripper: 'left' has a target already; give one target a move"
 
 
+@pytest.mark.thorough
 def test_a_path_that_would_tear_the_cable_is_refused_before_the_run(here: Place) -> None:
     here.write("plate.obj", PLATE)
     here.write("scene.toml", replaced(SCENE, [("by = [0, 0, -0.01]", "by = [0, 2, 0]")]))

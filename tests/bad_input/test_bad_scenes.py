@@ -155,6 +155,7 @@ MISTAKES = [
 ]
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("old", "new", "sentence"), MISTAKES, ids=[f"{old} -> {new}" for old, new, _ in MISTAKES])
 def test_a_mistake_in_a_scene_gets_one_sentence(old: str, new: str, sentence: str, here: Place) -> None:
     here.write("plate.obj", PLATE)
@@ -164,6 +165,7 @@ def test_a_mistake_in_a_scene_gets_one_sentence(old: str, new: str, sentence: st
     assert here.refused("check", "scene.toml") == [f"scene.toml:{sentence.replace('{folder}', str(here.work.resolve()))}"]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("old", "new", "key", "value"),
     [

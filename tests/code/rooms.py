@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -16,13 +17,19 @@ def files(*rooms: str) -> list[Path]:
     return [path.relative_to(ROOT) for room in rooms or ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
 
 
+@cache
 def tree(path: Path) -> ast.Module:
     """A file, parsed."""
     return ast.parse((ROOT / path).read_text(encoding="utf-8"), filename=str(path))
 
 
-def imports(path: Path) -> Iterator[str]:
+@cache
+def imports(path: Path) -> tuple[str, ...]:
     """Full names of the modules that a file imports, at its top or further down, also when written as text for a child."""
+    return tuple(_imports(path))
+
+
+def _imports(path: Path) -> Iterator[str]:
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

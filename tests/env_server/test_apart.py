@@ -34,6 +34,7 @@ def nearest_on_the_way(first: Way, second: Way, skip: float = -1.0) -> float:
     return least
 
 
+@pytest.mark.thorough
 def test_what_is_said_to_stay_apart_does() -> None:
     """Random cables, random ways; many are refused that would stay apart, and none is let go that would not."""
     rng, said, kept = np.random.default_rng(3), 0, 0

@@ -9,8 +9,9 @@ from trimesh import creation
 
 from env_server.beyond import add_edges_beyond, write_extents
 from env_server.edges import CLOSE, SLIDE
-from env_server.hits import EDGE, FACE, VERTEX, find_hits
+from env_server.hits import find_hits
 from env_server.pairs import PAIR
+from env_server.piece_hits import EDGE, FACE, VERTEX
 from env_server.skin import no_lists
 from env_server.surface import Surface
 from env_server.touch import Touch

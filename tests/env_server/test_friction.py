@@ -109,6 +109,7 @@ def test_a_table_has_more_friction_at_rest_than_sliding(tmp_path: Path) -> None:
     assert fast[STEPS // 2].grasp_wrenches[0, 0] == pytest.approx(0.25 * rubs, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_what_happens_to_a_cable_that_is_drawn_from_the_ground_depends_on_the_friction(tmp_path: Path) -> None:
     """The paper's Fig. 4: one end is lifted and drawn aside; how far the rest follows, and what it takes, kind by kind."""
     lift, draw = (0.0, 0.0, 0.03), (0.04, 0.0, 0.0)

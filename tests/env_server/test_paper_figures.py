@@ -114,6 +114,7 @@ def _difference(place: np.ndarray, s: float) -> float:
     return tension_at_ends(place, np.array([5.0, 0.0]), 12.0 - s, 1.0)[0] - tension_at_ends(np.zeros(2), place, s, 1.0)[1]
 
 
+@pytest.mark.thorough
 def test_fig_6_a_bond_holds_until_one_part_and_then_both_are_straight() -> None:
     """From first touch: (b) two catenaries, (c) a straight part and a catenary, (d) both straight; one step further there is no shape."""
     lower, outwards = (0.0, -7.0), (-6.95, 0.0)  # past the obstacle to one unit below it; then the left gripper moves on
@@ -148,6 +149,7 @@ def test_fig_7_the_path_decides_whether_contact_is_kept() -> None:
     assert not len(ends["b2"].pushes.s)
 
 
+@pytest.mark.thorough
 def test_a_bonding_point_is_never_passed_without_a_bond() -> None:
     """It comes from beside, below and across, fast and slowly; whenever it has gone through where the cable hung, there is a bond."""
     for start, way in (((3.5, -7.0), (0.0, 3.5)), ((1.0, -6.0), (0.0, 3.0)), ((4.5, -6.0), (-0.5, 2.5))):

@@ -62,6 +62,7 @@ def random_case(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return nodes, np.array([[*(nodes[6] + random.uniform(-0.05, 0.05, 3)), *Rotation.random(rng=random).as_quat()]])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: body.name)
 def test_the_nearest_place_of_every_segment_is_found_as_by_brute_force(body: Body) -> None:
     random, checked = np.random.default_rng(7), 0
@@ -225,6 +226,7 @@ def risen(body: Body, beside: float) -> Scene:
     return Scene(title="t", cables=(CABLE,), grippers=GRIPPERS, bodies=bodies, moves=(move,), tolerance=5e-4)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "body",
     [

@@ -127,6 +127,7 @@ def test_a_nearby_pose_is_reached_within_the_limits(arm: str) -> None:
         assert np.array_equal(np.delete(reached.joints, columns), np.delete(start, columns))
 
 
+@pytest.mark.thorough
 def test_any_reachable_pose_is_found_by_searching() -> None:
     for goal in random_joints(200):
         found = ROBOT.search("left", *ROBOT.grasp_pose("left", goal), ROBOT.home)
@@ -186,6 +187,7 @@ def test_searching_gives_the_same_posture_every_time_and_skips_colliding_ones() 
     assert not stuck.clear
 
 
+@pytest.mark.thorough
 def test_grasps_over_a_lip_in_front_are_all_in_reach() -> None:
     robot = Robot.load(scene.Robot())
     for arm, side in (("left", 1.0), ("right", -1.0)):

@@ -37,6 +37,7 @@ def stuck(out: list[Stepped]) -> list[Stepped]:
     return [step for step in out if step.crossed is not None and step.crossed.knots]
 
 
+@pytest.mark.thorough
 def test_two_points_stick_where_they_first_touch_and_stay_a_diameter_apart() -> None:
     on = stuck(played(0)[0])
     assert len(on) == 8  # of the last quarter turn, in which it snaps

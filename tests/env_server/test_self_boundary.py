@@ -121,6 +121,7 @@ def test_in_larger_steps_strands_do_not_pass_through_each_other_either(time_step
     assert links[-1] - links[0] == pytest.approx(1.75, abs=0.5)
 
 
+@pytest.mark.thorough
 def test_a_transparent_cable_is_not_looked_at_and_asks_about_nothing() -> None:
     steps, asked = play(SelfInteraction.TRANSPARENT)
     assert all(step.cables[0].own is None for step in steps)
@@ -136,6 +137,7 @@ def test_rows_are_asked_about_only_where_the_cable_is_near_itself() -> None:
     assert 0 < rows[-1] < 12
 
 
+@pytest.mark.thorough
 def test_a_push_is_handed_on_to_the_row_that_is_nearest() -> None:
     steps, _ = play(SelfInteraction.CONTACT)
     cable = steps[-1].cables[0]

@@ -39,6 +39,7 @@ def nearest(found: SelfCandidates) -> float:
     return float(found.gap.min()) + 2 * RADIUS
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(8))
 def test_the_nearest_two_places_are_found(seed: int) -> None:
     nodes, s = tangle(seed)

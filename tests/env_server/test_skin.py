@@ -19,7 +19,7 @@ def bodies() -> Touch:
 
 
 def assert_same(one: Candidates, other: Candidates) -> None:
-    for name in Candidates.__struct_fields__:
+    for name in Candidates._fields:
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
 
 
@@ -59,6 +59,7 @@ def test_cables_keep_lists_of_their_own() -> None:
             assert_same(found, whole.search(axis, poses, RADIUS, REACH, excluded=excluded))
 
 
+@pytest.mark.thorough
 def test_a_list_without_enough_room_is_not_used() -> None:
     ball = creation.icosphere(6, 0.01)  # 80 000 triangles within reach of each segment
     listed, whole = (Touch([Surface(ball.vertices, ball.faces)]) for _ in range(2))

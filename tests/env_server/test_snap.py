@@ -67,6 +67,7 @@ def test_a_loop_that_is_drawn_open_smoothly_does_not_snap() -> None:
     assert not snaps(replace(scenarios.load("paper/fig_13_crossing"), time_step=0.04))
 
 
+@pytest.mark.thorough
 def test_a_cable_that_slides_over_an_obstacle_does_not_snap() -> None:
     """Fig. 5 on the way to P and to Q: up to 0.3 m of slack run over, but no faster than the obstacle drives it."""
     assert not snaps(figure((3.5, -7.0), Friction.NONE, go("to P", 0.2, o=(0.0, 2.2)), go("to Q", 0.2, o=(0.0, 0.8))))

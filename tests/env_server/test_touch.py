@@ -80,6 +80,7 @@ def straight(start: tuple[float, float, float], end: tuple[float, float, float],
     return np.linspace(start, end, segments + 1)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("seed", range(8))
 def test_the_nearest_place_of_every_segment_is_among_the_candidates(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -274,7 +275,7 @@ def test_the_same_search_gives_the_same_bits() -> None:
     random = np.random.default_rng(23)
     mesh, pose, nodes = random_mesh(random, 3), random_poses(random, 1), random_cable(random)
     one, other = search(mesh, nodes, pose), search(mesh, nodes, pose)
-    for name in Candidates.__struct_fields__:
+    for name in Candidates._fields:
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
 

@@ -81,6 +81,7 @@ def test_what_has_no_place_in_a_message_is_not_encoded(value: Any) -> None:
         encode(msgspec.structs.replace(statistics, step=value))
 
 
+@pytest.mark.thorough
 @given(st.text(), st.integers(-(2**63), 2**64 - 1), st.text())
 @settings(max_examples=100, derandomize=True, deadline=None)
 def test_any_text_and_any_64_bit_number_survives(role: str, version: int, project: str) -> None:
@@ -198,6 +199,7 @@ def test_what_is_no_message_is_refused(plain: Any) -> None:
     assert str(refusal(plain)).startswith("not a message of this protocol")
 
 
+@pytest.mark.thorough
 def test_every_value_of_every_message_may_be_replaced_by_anything_and_only_our_errors_come_of_it() -> None:
     """Each value in turn by each of a few strange ones: some ten thousand messages."""
     strange = [

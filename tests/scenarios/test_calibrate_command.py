@@ -58,6 +58,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 def test_a_stiffness_is_fitted_and_written(folder: Path) -> None:
     ended = _cablecosim("calibrate", str(folder / "points.csv"), str(folder / "guess.toml"), "--json", str(folder / "out.json"))
     assert ended.returncode == 0, ended.stderr
@@ -67,6 +68,7 @@ def test_a_stiffness_is_fitted_and_written(folder: Path) -> None:
     assert fitted["low"] < 4e-3 < fitted["high"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

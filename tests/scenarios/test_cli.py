@@ -55,6 +55,7 @@ def cablecosim(*arguments: str | Path, folder: Path) -> subprocess.CompletedProc
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=60, env=environment(), check=False)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -89,6 +90,7 @@ def test_list_and_check_answer_with_code_0(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "scene.json").read_text())["cables"][0]["length"] == 1.2
 
 
+@pytest.mark.thorough
 def test_help_stands_at_every_command_and_loads_nothing_slow(tmp_path: Path) -> None:
     code = "import sys; sys.argv = ['cablecosim', {}]\nfrom scenarios.cli import main\ntry: main()\nexcept SystemExit: pass\n"
     slow = "assert not {'pint', 'pydantic', 'zmq', 'scipy', 'numba', 'pybullet', 'trimesh'} & set(sys.modules)"
@@ -100,6 +102,7 @@ def test_help_stands_at_every_command_and_loads_nothing_slow(tmp_path: Path) -> 
         assert "Usage: cablecosim" in done.stdout
 
 
+@pytest.mark.thorough
 def test_shape_prints_the_shape_of_a_posture_as_json(tmp_path: Path) -> None:
     (tmp_path / "wire.toml").write_text(POSTURE)
     done = cablecosim("shape", "wire.toml", folder=tmp_path)
@@ -115,6 +118,7 @@ def test_shape_prints_the_shape_of_a_posture_as_json(tmp_path: Path) -> None:
     assert found["nodes"][touching][2] == pytest.approx(-0.297, abs=1e-4)  # a radius above the floor; a node lies within half a segment
 
 
+@pytest.mark.thorough
 def test_shape_answers_a_posture_with_parts_on_the_cable_a_guide_and_a_load(tmp_path: Path) -> None:
     (tmp_path / "wire.toml").write_text(DRESSED)
     done = cablecosim("shape", "wire.toml", folder=tmp_path)
@@ -129,6 +133,7 @@ def test_shape_answers_a_posture_with_parts_on_the_cable_a_guide_and_a_load(tmp_
     assert found["grasp_wrenches"][1][0] == pytest.approx(0.0, abs=1e-9)  # a guide gives nothing along its tangent
 
 
+@pytest.mark.thorough
 def test_shape_answers_within_a_budget_in_place_of_the_tolerance(tmp_path: Path) -> None:
     (tmp_path / "wire.toml").write_text(POSTURE)
     done = cablecosim("shape", "wire.toml", "--set", "budget=2 s", "--set", "tolerance=1e-12", folder=tmp_path)
@@ -137,6 +142,7 @@ def test_shape_answers_within_a_budget_in_place_of_the_tolerance(tmp_path: Path)
     assert json.loads(done.stdout)["error"] > 1e-12
 
 
+@pytest.mark.thorough
 def test_a_posture_without_a_shape_ends_with_code_1_and_the_reason(tmp_path: Path) -> None:
     (tmp_path / "wire.toml").write_text(POSTURE.replace("[0.3, 0, -0.3]", "[0.3, 0, 0.6]"))
     done = cablecosim("shape", "wire.toml", folder=tmp_path)

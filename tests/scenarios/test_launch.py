@@ -138,6 +138,7 @@ def test_an_environment_that_dies_is_named_with_its_last_words_and_what_it_did_i
     assert not json.loads((folder / "summary.json").read_text())["complete"]
 
 
+@pytest.mark.thorough
 def test_a_recorder_that_is_killed_again_and_again_is_named_with_the_signal(stage: Stage) -> None:
     stage.behaviour |= {"viz_client": "die", "env_server": "slow"}
     notes = Notes()

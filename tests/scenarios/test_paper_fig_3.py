@@ -7,9 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from scenarios.children import environment
 
 
+@pytest.mark.thorough
 def test_fig_3_is_two_cables_of_one_equation_on_a_page_that_opens_offline(tmp_path: Path) -> None:
     words = [sys.executable, "-c", "from scenarios.cli import main; main()", "paper", "3", "--out", "mine"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=200, env=environment(), check=False)

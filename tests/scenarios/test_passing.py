@@ -28,6 +28,7 @@ def test_the_least_distance_is_that_of_the_nearest_segments(other: list[list[flo
     assert distance(np.array(other), ALONG_X, 1.0) == pytest.approx(known, abs=1e-15)
 
 
+@pytest.mark.thorough
 def test_random_polylines_are_as_far_apart_as_their_sampled_points() -> None:
     rng, share = np.random.default_rng(3), np.linspace(0.0, 1.0, 400)[:, None]
     for _ in range(20):

@@ -80,6 +80,7 @@ def test_the_hanging_reference_is_a_catenary_of_its_length() -> None:
     assert np.ptp(np.diff(slope[1:-1])) < 1e-8  # the slope of a catenary grows evenly along it
 
 
+@pytest.mark.thorough
 def test_a_study_holds_every_way_to_ask(twisted: Studied) -> None:
     groups = {row.group for row in twisted.rows}
     assert groups == {AUTOMATIC, "budget", "model", "elements, even mesh", "effect left out", PEER}
@@ -225,6 +226,7 @@ def test_a_drawn_request_is_the_same_every_time(seed: int) -> None:
     assert draw(seed).tolerance == draw(seed).tolerance
 
 
+@pytest.mark.thorough
 def test_price_tags_of_random_requests_are_true() -> None:
     results = list(audit(range(100, 110)))
     found = summaries(results)[-1]

@@ -25,6 +25,7 @@ def studied() -> Studied:
         return moving.study(PLANE)
 
 
+@pytest.mark.thorough
 def test_every_posture_of_the_loop_is_within_the_tolerance(studied: Studied) -> None:
     automatic = [row for row in studied.rows if row.group == AUTOMATIC]
     assert [row.setting for row in automatic] == ["0.001 L", "1e-05 L"]

@@ -38,6 +38,7 @@ def run(code: str) -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
 
 
+@pytest.mark.thorough
 def test_a_first_shape_loads_neither_scipy_linalg_nor_what_only_others_need() -> None:
     run(SOLVE)
 
@@ -47,5 +48,6 @@ def test_scipy_linalg_is_whole_when_it_is_asked_for_later() -> None:
     run(SOLVE + WHOLE)
 
 
+@pytest.mark.thorough
 def test_scipy_linalg_is_left_alone_where_it_is_loaded_already() -> None:
     run("import scipy.linalg\n" + SOLVE.replace('assert "scipy.linalg" not in', 'assert "scipy.linalg" in') + WHOLE)

@@ -92,6 +92,7 @@ def test_points_measured_in_a_plane_count_once() -> None:
     assert found.sigma == pytest.approx(2e-4, rel=0.3)
 
 
+@pytest.mark.thorough
 def test_a_micro_structure_length_is_found_where_there_is_one() -> None:
     rng = np.random.default_rng(3)
     points = _points(_problem(_cable(4e-3, 5e-3, micro_length=0.08)), 60, 5e-5, rng)

@@ -79,6 +79,7 @@ def test_the_force_of_a_contact_is_the_slope_of_its_gap(case: str, turn: float) 
     np.testing.assert_allclose(model(rod, state).gradient, expected, atol=1e-8)  # measured 1e-11, of 0.2 N m
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("turn", [1.0, -1.0], ids=["sagging", "arching"])
 @pytest.mark.parametrize("case", CASES)
 def test_the_column_of_a_contact_is_the_slope_of_its_gap(case: str, turn: float) -> None:

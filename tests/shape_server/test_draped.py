@@ -69,6 +69,7 @@ def test_both_pieces_pass_the_point_at_the_distance_asked_for() -> None:
     assert -1e-9 < away.min() - THIN < 1e-7  # measured 4.8e-9: the chord beside the bend is above the curve
 
 
+@pytest.mark.thorough
 def test_of_two_shapes_over_one_point_history_decides() -> None:
     """Fig. 5: with the obstacle at P the slack hangs on one side or on the other; at Q only one shape is left, and it is kept at P."""
     left, right = over(point(9.0, P, push=1.0)), over(point(4.3, P, push=1.0))

@@ -28,6 +28,7 @@ from shape_server.descent import relax, settle_alone
 from shape_server.equilibrium import RELAX_STEPS
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bending", [1e-2, 1e-3, 1e-4])
 def test_two_hundred_cold_starts_all_end_at_a_stable_equilibrium(bending: float) -> None:
     shapes = [solve(problem, GRAVITY, path=KERNELS) for problem in random_spans(200, bending, 1)]

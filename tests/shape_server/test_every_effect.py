@@ -295,6 +295,7 @@ def test_a_straight_cable_at_rest_feels_nothing_but_its_weight(name: str) -> Non
         assert not gradient.any()
 
 
+@pytest.mark.sampled(6)
 @EVERY
 def test_the_shape_turns_and_moves_with_the_problem(name: str) -> None:
     problem, gravity = POSTURES[name]
@@ -332,6 +333,7 @@ def test_the_gradient_turns_and_moves_with_the_problem(name: str) -> None:
     np.testing.assert_allclose(model(rod_there, there).gradient, expected, atol=1e-12)
 
 
+@pytest.mark.sampled(6)
 @EVERY
 def test_an_effect_that_is_not_asked_for_is_not_imported_and_adds_nothing(name: str) -> None:
     """In a program of its own: the effects imported are exactly those that the request asks for."""

@@ -49,6 +49,7 @@ def solved(problem: Problem, held: Grasps, follower: Follower) -> Shape:
     return solve(msgspec.structs.replace(problem, grasps=held, start=start), GRAVITY, extrapolate=False, path=KERNELS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", HELD)
 def test_a_follower_is_where_solve_is(name: str) -> None:
     follower, path = on_the_way(HELD[name])
@@ -86,6 +87,7 @@ def touching(given: Contacts) -> Problem:
     return msgspec.structs.replace(HELD["clamps"], contacts=given)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", [Friction.NONE, Friction.BOND])
 @pytest.mark.parametrize("feature", [Feature.FACE, Feature.EDGE])
 def test_a_follower_that_touches_is_where_solve_is(feature: Feature, friction: Friction) -> None:

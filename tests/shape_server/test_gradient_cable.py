@@ -191,6 +191,7 @@ def test_a_plane_within_rounding_is_plane_enough() -> None:
     assert np.abs(shape.nodes[:, 1]).max() == 0.0
 
 
+@pytest.mark.thorough
 def test_an_absurd_cable_gets_numbers_or_a_reason() -> None:
     """Lengths, weights, stiffnesses and slacks over many powers of ten; seeded."""
     rng, answered = np.random.default_rng(5), 0

@@ -39,6 +39,7 @@ def bits(shape: Shape) -> bytes:
     return encode(ShapeReply(session="", step=0, round=0, shapes=(priceless,), busy=0.0))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("workers", [1, 2])
 def test_many_problems_have_the_same_shapes_as_one_by_one_in_their_order(workers: int) -> None:
     problems = mixed()
@@ -46,6 +47,7 @@ def test_many_problems_have_the_same_shapes_as_one_by_one_in_their_order(workers
     assert [bits(shape) for shape in solve_many(problems, GRAVITY, margin=True, workers=workers)] == expected
 
 
+@pytest.mark.thorough
 def test_a_pool_is_kept_from_sweep_to_sweep_and_says_how_far_it_is() -> None:
     problems, said = random_spans(5, 1e-2, seed=6), []
     with SolverPool(2) as pool:
@@ -70,6 +72,7 @@ def test_the_numpy_path_may_be_asked_for() -> None:
     assert [shape.cost.path for shape in shapes] == ["numpy", "numpy"]
 
 
+@pytest.mark.thorough
 def test_a_worker_that_dies_ends_the_sweep_with_a_sentence() -> None:
     def kill(done: int, total: int) -> None:
         for child in multiprocessing.active_children():
@@ -109,6 +112,7 @@ def cables(count: int) -> list[Problem]:
     return [msgspec.structs.replace(problems[0], cable=special, loads=load), *problems[1:]]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, LANES, LANES + 3])
 def test_a_batch_follows_as_a_follower_does(count: int) -> None:
     problems = cables(count)

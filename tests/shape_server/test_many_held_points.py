@@ -22,6 +22,7 @@ def row_of(count: int, hold: Hold, slack: float) -> Grasps:
     return grasps(*[(s, (s / (1 + slack), 0.0, 0.0), ALONG_X) for s in np.linspace(0, 1, count)], hold=hold)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("bending", [1e-2, 1e-4])
 @pytest.mark.parametrize("hold", [Hold.CLAMP, Hold.HINGE])
 @pytest.mark.parametrize("count", [10, 100])

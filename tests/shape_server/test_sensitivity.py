@@ -152,6 +152,7 @@ def moved(where: Grasps, grasp: int, axis: int, size: float) -> Grasps:
     return msgspec.structs.replace(where, position=position, quaternion=quaternion)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", list(POSTURES))
 def test_jacobians_are_the_slopes_of_nodes_and_wrenches(name: str) -> None:
     problem, shape, found = at(name)

@@ -197,6 +197,7 @@ def run(*arguments: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes
     return subprocess.run([sys.executable, "-m", "shape_server", *arguments], input=data, capture_output=True, timeout=60, check=False)
 
 
+@pytest.mark.thorough
 def test_one_posture_is_answered_from_standard_input() -> None:
     done = run("--posture", "-", data=encode(EASY))
     assert done.returncode == 0, done.stderr
@@ -206,6 +207,7 @@ def test_one_posture_is_answered_from_standard_input() -> None:
     assert reply.shapes[0].cost.path == "numpy"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("data", [b"", b"nonsense", encode(Stop())])
 def test_a_posture_that_is_none_is_refused_with_a_sentence(data: bytes) -> None:
     done = run("--posture", "-", data=data)
@@ -222,6 +224,7 @@ def test_help_says_what_the_program_does() -> None:
         assert word in done.stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("address", ["tcp://0.0.0.0:0", "http://x", "ipc://"])
 def test_an_address_that_others_could_reach_is_refused(address: str) -> None:
     done = run("--bind", address)
@@ -229,6 +232,7 @@ def test_an_address_that_others_could_reach_is_refused(address: str) -> None:
     assert b"address" in done.stderr
 
 
+@pytest.mark.thorough
 def test_the_program_serves_until_it_is_told_to_stop(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "shape_server", "--bind", f"ipc://{tmp_path}/s", "--kernels", "numpy"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONWARNINGS": "error"}) as server:

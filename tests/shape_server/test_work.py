@@ -77,6 +77,7 @@ def _expected() -> dict[str, dict[str, float]]:
     return known
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", _expected() if BASELINE.is_file() else ())
 def test_neither_error_nor_work_is_worse_than_in_the_baseline(name: str) -> None:
     found = (errors() | work())[name]

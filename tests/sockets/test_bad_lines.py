@@ -43,6 +43,7 @@ def test_a_bad_line_to_the_shape_server_costs_time_and_nothing_else(
     assert recorded(tmp_path) == recorded(undisturbed)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_bad_line_to_the_recorder_is_made_up_for_from_the_journal(
     box: Box, shape: str, tmp_path: Path, undisturbed: Path, seed: int

@@ -26,6 +26,7 @@ def limit(pid: int) -> None:
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (ROOM, ROOM))
 
 
+@pytest.mark.thorough
 def test_a_recorder_whose_disk_is_full_says_so_and_its_recording_is_readable(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control:
@@ -43,6 +44,7 @@ def test_a_recorder_whose_disk_is_full_says_so_and_its_recording_is_readable(box
     assert "bytes of an unfinished message follow" in read.ending
 
 
+@pytest.mark.thorough
 def test_a_journal_whose_disk_is_full_ends_the_run_in_good_order(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape, "--journal", str(tmp_path / "journal"))
     with remote(box) as control:
@@ -59,6 +61,7 @@ def test_a_journal_whose_disk_is_full_ends_the_run_in_good_order(box: Box, shape
     assert len(recording.read(tmp_path / "journal" / "frames.msgpack").frames) == len(messages) - 2
 
 
+@pytest.mark.thorough
 def test_a_run_whose_disk_is_full_ends_with_the_sentence_and_keeps_what_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def child(name: str, arguments: Sequence[str], log: Path, program: str) -> Child:
         made = Child(name, arguments, log, program)
@@ -72,6 +75,7 @@ def test_a_run_whose_disk_is_full_ends_with_the_sentence_and_keeps_what_it_has(t
     assert len(recording.read(tmp_path / "run" / recording.FILE_NAME).frames) > 5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["shape_server", "env_server"])
 def test_a_second_program_on_the_same_address_is_refused_and_the_first_goes_on(box: Box, shape: str, name: str) -> None:
     first = box.shape_server() if name == "shape_server" else box.env_server(shape)

@@ -80,6 +80,7 @@ def wild(attacked: Attacked) -> Iterator[Wild]:
     made.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("amount", AMOUNT)
 def test_mutated_messages_are_answered_one_by_one_and_leave_no_trace(attacked: Attacked, wild: Wild, amount: float) -> None:
     count = int(200_000 * amount)
@@ -94,6 +95,7 @@ def test_mutated_messages_are_answered_one_by_one_and_leave_no_trace(attacked: A
     assert memory(attacked.pid) - before < GROWTH
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("attacked", ["shape_server"], indirect=True)
 @pytest.mark.parametrize("amount", AMOUNT)
 def test_mutated_questions_are_answered_one_by_one(attacked: Attacked, wild: Wild, amount: float) -> None:
@@ -107,6 +109,7 @@ def test_mutated_questions_are_answered_one_by_one(attacked: Attacked, wild: Wil
     assert memory(attacked.pid) - before < GROWTH
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("amount", AMOUNT)
 def test_connections_that_speak_something_else_hold_nobody_up(attacked: Attacked, amount: float) -> None:
     descriptors = Path(f"/proc/{attacked.pid}/fd")

@@ -68,6 +68,7 @@ def test_who_has_a_known_key_is_served(guarded: Server, folder: Path) -> None:
     assert "Error" in greeted(guarded, keys.read(folder), 300)  # an answer: what was said is no whole message
 
 
+@pytest.mark.thorough
 def test_who_has_an_unknown_key_or_none_is_not_heard(guarded: Server, folder: Path, tmp_path: Path) -> None:
     keys.make(tmp_path / "strange", key_pair)
     strange, ours = keys.read(tmp_path / "strange"), keys.read(folder)
@@ -119,6 +120,7 @@ def test_the_socket_of_an_ipc_address_is_for_its_owner_alone(box: Box) -> None:
         assert not stat.S_IMODE((box.path / "mine").stat().st_mode) & 0o077
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("spoil", "sentence"),
     [
@@ -136,6 +138,7 @@ def test_keys_that_are_none_are_refused_with_a_sentence(spoil: object, sentence:
     assert "Traceback" not in program.words
 
 
+@pytest.mark.thorough
 def test_a_whole_run_is_encrypted_and_a_stranger_on_the_way_reads_nothing(box: Box, folder: Path, tmp_path: Path) -> None:
     """Over tcp, as between machines; the address is a loopback one, for tests do not listen beyond."""
     given = ("--keys", str(folder))

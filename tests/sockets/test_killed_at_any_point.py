@@ -82,6 +82,7 @@ def check(folder: Path, undisturbed: Path, notes: Notes, faults: int) -> None:
     assert sorted(path.name for path in (folder / "run" / "pictures").iterdir()) == ["01_above.png", "02_on_the_box.png"]
 
 
+@pytest.mark.thorough
 def test_programs_killed_one_after_another_leave_the_recording_of_an_undisturbed_run(
     tmp_path: Path, undisturbed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import pytest
 from programs import LIMIT, STEPS, Box, plain, recorded, remote, until
 
 from protocol import recording
@@ -13,6 +14,7 @@ from protocol.codec import decode
 from protocol.messages import Done, Finished, Frame, Resume, StartRun
 
 
+@pytest.mark.thorough
 def test_a_recorder_that_joins_in_the_middle_gets_the_snapshot_and_every_later_frame(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     early = Subscriber(box.at("frames"))
@@ -37,6 +39,7 @@ def test_a_recorder_that_joins_in_the_middle_gets_the_snapshot_and_every_later_f
     assert "joined late" in late.words
 
 
+@pytest.mark.thorough
 def test_a_viewer_that_never_reads_holds_nothing_up_and_loses_nothing(box: Box, shape: str) -> None:
     env = box.env_server(shape)
     lazy = Subscriber(box.at("frames"))
@@ -52,6 +55,7 @@ def test_a_viewer_that_never_reads_holds_nothing_up_and_loses_nothing(box: Box, 
     assert isinstance(messages[-1], Finished)
 
 
+@pytest.mark.thorough
 def test_live_viewing_shows_the_newest_frame_only(box: Box, shape: str) -> None:
     env = box.env_server(shape)
     live = Subscriber(box.at("live"), latest_only=True)

@@ -30,6 +30,7 @@ def has_begun(out: Path) -> bool:
     return file.is_file() and file.stat().st_size > 0
 
 
+@pytest.mark.thorough
 def test_a_shape_server_that_is_killed_and_started_again_costs_time_and_nothing_else(box: Box, tmp_path: Path) -> None:
     first, env = box.shape_server(), box.env_server()
     with remote(box) as control:
@@ -73,6 +74,7 @@ def test_a_shape_server_that_is_killed_for_good_ends_the_run_with_a_sentence(box
     }
 
 
+@pytest.mark.thorough
 def test_a_shape_server_that_never_comes_ends_the_environment_with_a_sentence_and_code_2(box: Box) -> None:
     env = box.env_server(None, "--patience", "3")
     assert env.wait() == 2
@@ -80,6 +82,7 @@ def test_a_shape_server_that_never_comes_ends_the_environment_with_a_sentence_an
     assert "Traceback" not in env.words
 
 
+@pytest.mark.thorough
 def test_an_environment_that_is_killed_leaves_the_recorder_to_end_by_itself(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control:
@@ -94,6 +97,7 @@ def test_an_environment_that_is_killed_leaves_the_recorder_to_end_by_itself(box:
     assert [frame.sequence for frame in run.frames] == list(range(step + 1))
 
 
+@pytest.mark.thorough
 def test_a_run_that_is_stopped_ends_in_good_order_and_says_where(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control:
@@ -109,6 +113,7 @@ def test_a_run_that_is_stopped_ends_in_good_order_and_says_where(box: Box, shape
     assert run.finished.sentence == f"stopped before step {step + 1} of {STEPS}"
 
 
+@pytest.mark.thorough
 def test_a_recorder_that_is_killed_holds_nothing_up(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control, closing(Subscriber(box.at("frames"))) as other:
@@ -127,6 +132,7 @@ def test_a_recorder_that_is_killed_holds_nothing_up(box: Box, shape: str, tmp_pa
     assert len(recording.read(tmp_path / recording.FILE_NAME).frames) <= step + 1
 
 
+@pytest.mark.thorough
 def test_a_recorder_that_is_held_up_loses_nothing(box: Box, shape: str, tmp_path: Path) -> None:
     """Longer than the heartbeats of ZeroMQ would wait, which drop what is queued when they give up."""
     env = box.env_server(shape)
@@ -143,6 +149,7 @@ def test_a_recorder_that_is_held_up_loses_nothing(box: Box, shape: str, tmp_path
     assert [message["sequence"] for message in recorded(tmp_path)[1:-1]] == list(range(STEPS + 1))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_shape_server_that_is_told_to_end_by_a_signal_while_it_solves_ends_in_good_order(
     box: Box, tmp_path: Path, number: signal.Signals
@@ -158,6 +165,7 @@ def test_a_shape_server_that_is_told_to_end_by_a_signal_while_it_solves_ends_in_
         control.tell(Stop())
 
 
+@pytest.mark.thorough
 def test_a_terminated_environment_ends_its_run_in_good_order(box: Box, shape: str, tmp_path: Path) -> None:
     env = box.env_server(shape)
     with remote(box) as control:

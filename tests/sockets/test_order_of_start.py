@@ -45,6 +45,7 @@ def test_a_free_port_is_taken_and_printed(box: Box, tmp_path: Path) -> None:
     client.close()
 
 
+@pytest.mark.thorough
 def test_an_environment_without_addresses_makes_private_ones_and_prints_them(box: Box, shape: str) -> None:
     env = box.start("env_server", "--scene", str(resolved(box.path)), "--shape", shape, "--start")
     found = until(lambda: re.search(r"^control +(ipc://\S+)$", env.words, re.MULTILINE))

@@ -39,6 +39,7 @@ def test_it_gets_a_shape_from_the_shape_server(shape: str) -> None:
     assert found["force"] == pytest.approx([0, 0, 0.06 * 9.81], abs=1e-6)  # the hands carry the weight and nothing else
 
 
+@pytest.mark.thorough
 def test_it_starts_a_run_and_follows_it_to_its_end(box: Box, shape: str) -> None:
     environment = box.env_server(shape)
     found = ask("env", box.at("control"), box.at("frames"))

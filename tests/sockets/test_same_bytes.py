@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import msgpack
+import pytest
 from programs import STEPS, Box, plain, recorded, remote
 
 from protocol import recording
@@ -22,6 +23,7 @@ def run(box: Box, shape: str, out: Path) -> Path:
     return out
 
 
+@pytest.mark.thorough
 def test_two_runs_differ_in_nothing_but_the_measured_times(box: Box, shape: str, tmp_path: Path) -> None:
     first, second = (recorded(run(box, shape, tmp_path / name)) for name in ("first", "second"))
     assert len(first) == len(second) == STEPS + 3

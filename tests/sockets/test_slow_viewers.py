@@ -62,6 +62,7 @@ def run(box: Box, shape: str, out: Path) -> np.ndarray:
     return np.array([frame.bill.total for frame in frames])
 
 
+@pytest.mark.thorough
 def test_slow_and_fickle_viewers_lose_nobody_a_recorded_frame(box: Box, shape: str, tmp_path: Path) -> None:
     run(box, shape, tmp_path / "alone")
     with Crowd(box) as crowd:

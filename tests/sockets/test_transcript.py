@@ -38,6 +38,7 @@ def heard() -> Iterator[Listener]:
         yield listener
 
 
+@pytest.mark.thorough
 def test_the_beginning_of_the_run_reads_as_on_file(heard: Listener) -> None:
     """Write the file anew with `python tests/sockets/test_transcript.py`, after reading what has changed."""
     assert beginning(heard.lines()) == FILE.read_text(encoding="utf-8").splitlines()
@@ -50,6 +51,7 @@ def test_requests_and_replies_alternate_and_carry_the_same_keys(heard: Listener)
         assert request[4:8] == reply[4:8]
 
 
+@pytest.mark.thorough
 def test_a_fresh_server_gives_the_same_replies_but_for_the_measured_times(heard: Listener) -> None:
     requests = [data for sender, data in heard.heard if b"ShapeRequest" in data[:40] and sender == "env -> shape"]
     replies = [data for sender, data in heard.heard if b"ShapeReply" in data[:40] and sender == "shape -> env"]

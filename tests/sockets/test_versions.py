@@ -9,6 +9,7 @@ from protocol.channel import Client
 from protocol.messages import Error, Hello, Welcome
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("server", ["shape_server", "env_server"])
 @pytest.mark.parametrize(
     ("hello", "sentence"),

@@ -133,6 +133,7 @@ def sliding(bending: float, mass: float, count: int) -> tuple[list[Shape], np.nd
     return shapes, direction
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("bending", "mass"), [(0.03, 0.1), (0.03, 0.3), (0.01, 0.1)])
 def test_an_edge_slides_past_many_nodes_without_a_jump_or_a_fallback(bending: float, mass: float) -> None:
     """Each step must settle from the one before; the force grows and turns smoothly although the contact passes nodes."""

@@ -54,6 +54,7 @@ def test_a_hard_case_ends_as_it_should(case: Case) -> None:
     check(case, kernels)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("case", params(PLAYED, every=8))
 def test_a_hard_case_that_is_played_ends_as_it_should(case: Case) -> None:
     check(case, Direct())
@@ -105,6 +106,7 @@ def test_what_a_solver_raises_is_wrong_and_a_warning_too() -> None:
         assert Case("x", "y", measure).run(kernels).ending is Ending.WRONG
 
 
+@pytest.mark.thorough
 def test_a_case_that_hangs_is_ended_and_counts_as_wrong() -> None:
     """With a limit of a hundredth of the time that it takes."""
     long = [case for case in hard_cases.listed() if "a thousand steps" in case.name and case.program == "shape_server"]
@@ -114,6 +116,7 @@ def test_a_case_that_hangs_is_ended_and_counts_as_wrong() -> None:
     assert "WRONG moving" in table(ended)
 
 
+@pytest.mark.thorough
 def test_a_case_that_is_no_longer_wrong_is_told() -> None:
     case = replace(hard_cases.listed()[0], known="it was wrong once")
     result = hard_cases.Result(case, CASES[0].run(kernels), 0.1)
@@ -122,6 +125,7 @@ def test_a_case_that_is_no_longer_wrong_is_told() -> None:
     assert json.loads(as_json([result]))[0]["known"] == "it was wrong once"
 
 
+@pytest.mark.thorough
 def test_a_program_answers_for_a_case_of_its_own_room_and_so_does_the_environment_with_a_shape_server() -> None:
     names = ("dragged over a floor, signum, mu 0.3", "random, forces of 0 N")
     asked = [case for case in hard_cases.listed() if case.name in names]
@@ -135,6 +139,7 @@ def hardcases(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, env=environment(), check=False)
 
 
+@pytest.mark.thorough
 def test_the_command_prints_a_table_and_writes_every_case(tmp_path: Path) -> None:
     run = hardcases("--family", "absurd starts", "--json", "cases.json", folder=tmp_path)
     assert run.returncode == 0, run.stdout + run.stderr
@@ -148,6 +153,7 @@ def test_the_command_prints_a_table_and_writes_every_case(tmp_path: Path) -> Non
     assert all(row["sentence"] and row["seconds"] > 0 for row in written)
 
 
+@pytest.mark.thorough
 def test_the_command_names_its_cases_and_refuses_an_unknown_family(tmp_path: Path) -> None:
     listed = hardcases("--list", folder=tmp_path)
     assert listed.stdout.count("\n") == len(CASES) + len(PLAYED)

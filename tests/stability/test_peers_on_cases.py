@@ -138,6 +138,7 @@ def test_the_table_has_the_outcomes_of_all_beside_each_other() -> None:
     assert "family: case 4" not in rows
 
 
+@pytest.mark.thorough
 def test_a_peer_that_is_not_there_is_refused_with_those_that_are() -> None:
     assert "scipy" in hard_cases.peers()
     with pytest.raises(CablecosimError, match="peer 'ansys' is not installed; there are 'scipy'"):

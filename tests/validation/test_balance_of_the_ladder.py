@@ -104,6 +104,7 @@ def test_catenaries_between_hinges_and_a_bond_with_tails_are_held_by_their_force
     assert missed < 1e-12  # measured 9e-16
 
 
+@pytest.mark.sampled(2)
 @each_seed
 @pytest.mark.parametrize("micro", [None, 3e-3, 0.1])
 def test_a_gradient_cable_is_in_balance_on_inclined_chords_too(micro: float | None, seed: int) -> None:

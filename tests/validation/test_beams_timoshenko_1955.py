@@ -55,6 +55,7 @@ def test_a_cantilever_whose_stiffness_jumps_bends_as_both_parts(jump: float) -> 
     assert shape.nodes[-1, 2] == pytest.approx(-exact, rel=2e-5)
 
 
+@pytest.mark.sampled(2)
 @each_jump
 def test_a_cantilever_whose_stiffness_jumps_bends_far_as_by_shooting(jump: float) -> None:
     force = (0.0, 0.0, -3.0 * min(1.0, jump))
@@ -66,6 +67,7 @@ def test_a_cantilever_whose_stiffness_jumps_bends_far_as_by_shooting(jump: float
     assert shape.grasp_wrenches[0, 3:] == pytest.approx(-moment, abs=1e-4 * np.abs(moment).max())
 
 
+@pytest.mark.thorough
 def test_a_cantilever_of_many_parts_hangs_as_by_shooting() -> None:
     """Jumps of weight, of stiffness and of natural curvature, two masses, and a force in no plane."""
     soft, stiff, curl, push = (0.1, 0.1, 0.07), (0.3, 0.3, 0.07), (1.0, 3.0, 2.0), (0.1, 0.3, 0.2)

@@ -198,6 +198,7 @@ def pair() -> tuple[Any, np.ndarray]:
     return solved.sol, solved.p.reshape(4, 2)
 
 
+@pytest.mark.thorough
 def test_two_cables_stuck_together_are_where_two_elasticas_have_them_to_second_order() -> None:
     solution, errors = pair()[0], []
     for segments in (40, 80):

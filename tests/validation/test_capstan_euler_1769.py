@@ -43,6 +43,7 @@ def test_the_closed_form_is_the_product_of_small_turns() -> None:
     assert (1 + MU * np.pi / turns) ** turns == pytest.approx(LIMIT, rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("mu", "segments", "back_steps", "cable"),
     [(0.05, 48, 10, CABLE), (0.3, 48, 10, CABLE), (0.6, 96, 8, CABLE), (0.05, 48, 10, LIMP), (0.3, 48, 10, LIMP), (0.6, 96, 10, LIMP)],

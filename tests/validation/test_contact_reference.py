@@ -127,6 +127,7 @@ def on_mesh(name: str, segments: int) -> Shape:
     return shape
 
 
+@pytest.mark.thorough
 @each_edge
 def test_the_reference_over_an_edge_balances_and_keeps_its_integral(name: str) -> None:
     """n.d3 + EI kappa^2 / 2 - w z is the same all along, also across the edge, since what it pushes is square to the cable."""

@@ -83,6 +83,7 @@ def position_error(shape: Shape, exact: Planar) -> float:
     return float(np.linalg.norm(shape.nodes - exact.positions(shape.s), axis=1).max())
 
 
+@pytest.mark.sampled(3)
 @each_hold
 @pytest.mark.parametrize("bending", [1e-1, 1e-2])
 def test_the_reference_obeys_castigliano(bending: float, hold: Hold) -> None:
@@ -92,6 +93,7 @@ def test_the_reference_obeys_castigliano(bending: float, hold: Hold) -> None:
     assert (upper - lower) / (2 * step) == pytest.approx(exact.force[0], abs=1e-6, rel=1e-7)
 
 
+@pytest.mark.sampled(3)
 @each_stiffness
 def test_a_clamped_cable_hangs_as_the_reference(bending: float) -> None:
     exact = reference(bending, Hold.CLAMP)
@@ -104,6 +106,7 @@ def test_a_clamped_cable_hangs_as_the_reference(bending: float) -> None:
     assert np.abs(moments).max() < 2e-4  # N m; measured 1.3e-4 at EI = 0.1, where the moment is 0.8
 
 
+@pytest.mark.sampled(2)
 @each_stiffness
 def test_a_cable_hinged_at_its_far_end_hangs_as_the_reference(bending: float) -> None:
     """From a cold start, as when no shape is known."""
@@ -113,6 +116,7 @@ def test_a_cable_hinged_at_its_far_end_hangs_as_the_reference(bending: float) ->
     assert position_error(shape, reference(bending, Hold.HINGE)) < 1e-4
 
 
+@pytest.mark.sampled(3)
 @each_hold
 @each_stiffness
 def test_positions_forces_and_moments_converge_with_order_two(bending: float, hold: Hold) -> None:
@@ -129,6 +133,7 @@ def test_positions_forces_and_moments_converge_with_order_two(bending: float, ho
     assert order["moment"] == pytest.approx(2.0, abs=0.15)  # measured 1.92 to 2.12
 
 
+@pytest.mark.sampled(3)
 @each_hold
 @each_stiffness
 def test_the_error_estimate_is_true_on_meshes_that_resolve_the_bends(bending: float, hold: Hold) -> None:

@@ -59,6 +59,7 @@ def test_the_theorem_holds_for_a_spring() -> None:
     assert slope(lambda h: 3.0 / 2 * (0.2 + h) ** 2) == pytest.approx(3.0 * 0.2, rel=1e-10)
 
 
+@pytest.mark.sampled(2)
 @each_rod
 def test_the_energy_changes_by_the_force_and_the_moment_at_the_end(name: str) -> None:
     here = shaped(name, END, np.zeros(3))

@@ -15,6 +15,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 from posed import around, ask, cable, frame, grasps, start_from
 
 from protocol.kinds import Hold, Outcome
@@ -75,6 +76,7 @@ def balance(found: list[Shape]) -> tuple[np.ndarray, np.ndarray]:
     return np.diff([shape.energy for shape in found]), np.asarray(work)
 
 
+@pytest.mark.thorough
 def test_a_closed_path_of_gripper_and_body_creates_no_energy() -> None:
     """They move 0.11 J in and out on the way; what is missing is the error of the chords, of which a snap would take none."""
     found = shapes(160)
@@ -88,6 +90,7 @@ def test_a_closed_path_of_gripper_and_body_creates_no_energy() -> None:
     assert np.abs(found[-1].nodes - found[0].nodes).max() < 1e-9  # m; measured 8e-12
 
 
+@pytest.mark.thorough
 def test_the_work_put_in_tends_to_the_energy_gained_as_steps_become_smaller() -> None:
     """Third order in a step where contacts stay on their segments, so the largest miss falls by 8; less where they pass to the next."""
     missed = [float(np.abs(np.subtract(*balance(shapes(steps)))).max()) for steps in (80, 160, 320)]

@@ -64,6 +64,7 @@ def bow(shape: Shape) -> float:
     return float(np.hypot(*shape.nodes[(len(shape.s) - 1) // 2, 1:]))
 
 
+@pytest.mark.sampled(2)
 @each_chord
 def test_the_closed_form_solves_the_differential_equation(chord: float) -> None:
     found = planar(

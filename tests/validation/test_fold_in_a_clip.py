@@ -54,6 +54,7 @@ def width(shape: Shape) -> float:
     return float(np.ptp(shape.nodes[:, 0]))
 
 
+@pytest.mark.thorough
 def test_a_loop_that_is_drawn_tight_stays_5_7_mm_across() -> None:
     for length in (0.022, 0.0195):
         shape = loop(length, RADIUS)

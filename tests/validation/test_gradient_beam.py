@@ -52,6 +52,7 @@ def level(hold: str, micro: float, bending: float = 3e-3) -> Held:
     return Held(bending, micro, (0.95, 0.0), HOLDS[hold])
 
 
+@pytest.mark.sampled(3)
 @each_hold
 @each_micro
 def test_the_curve_solves_the_equation_under_its_conditions(hold: str, micro: float) -> None:
@@ -244,6 +245,7 @@ def test_over_random_cables_the_prediction_is_seldom_below_the_truth_and_not_far
     assert np.median(ratio) < 3.0  # measured 1.55 and 2.05
 
 
+@pytest.mark.thorough
 def test_what_the_ends_bear_of_what_is_left_out_makes_their_moments_more_exact() -> None:
     """Of those cables that a moment holds; hinges have none."""
     moments, plain = audited()[:, 4:].T

@@ -130,6 +130,7 @@ def frame_error(shape: Shape, exact: Exact) -> float:
     return float((Rotation.from_quat(exact.frames(middle)).inv() * Rotation.from_quat(shape.frames)).magnitude().max())
 
 
+@pytest.mark.sampled(3)
 @each_case
 def test_the_reference_keeps_its_integral(name: str) -> None:
     assert np.ptp(reference(name).densities(np.linspace(0.0, 1.0, 57))[1]) < 1e-9  # N; measured 3e-12 to 2e-11

@@ -82,6 +82,7 @@ def true_error(shape: Shape, load: float, hold: Hold, end: tuple[float, float]) 
     return float(np.linalg.norm(shape.nodes - np.column_stack([x, np.zeros_like(x), z]), axis=1).max())
 
 
+@pytest.mark.sampled(3)
 @each_case
 def test_the_reference_keeps_its_integral(load: float, hold: Hold, end: tuple[float, float]) -> None:
     state, force = reference(load, hold, end)

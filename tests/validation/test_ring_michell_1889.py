@@ -80,6 +80,7 @@ def stiffnesses(twist: float, angle: float) -> np.ndarray:
     return np.linalg.svd(np.array(jacobian), compute_uv=False)
 
 
+@pytest.mark.thorough
 def test_the_linearised_rod_is_singular_at_the_threshold() -> None:
     """Beyond the swing about the clamp's tangent, which is always free and gives the last singular value."""
     at, below, above = (stiffnesses(2.0, f * critical(2.0))[-2:] for f in (1.0, 0.97, 1.03))

@@ -66,6 +66,7 @@ def test_a_small_force_at_45_degrees_moves_the_tip_along_the_soft_axis_mostly() 
     assert by_shooting[-1, 1:] == pytest.approx(small[1:], rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [1.0, 5.0, 20.0])
 def test_a_large_force_at_45_degrees_bends_and_twists_as_by_shooting(size: float) -> None:
     force = (0.0, size / np.sqrt(2), size / np.sqrt(2))
@@ -78,6 +79,7 @@ def test_a_large_force_at_45_degrees_bends_and_twists_as_by_shooting(size: float
     assert max(unbalanced(problem, shape)) < 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("natural", [None, (2.0, 1.0, 4.0), (0.0, 3.0, 0.0)])
 def test_a_strip_that_droops_under_its_weight_twists_as_by_shooting(natural: Spin | None) -> None:
     rod = replace(cable(bending=0.1, twist=0.05), bending_2=0.4, natural_curvature=natural)

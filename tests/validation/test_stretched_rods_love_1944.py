@@ -131,6 +131,7 @@ def reference(case: Case):  # scipy's PPoly and two numbers
     return found.sol, found.p * unit
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CASES)
 def test_an_elastic_rod_lies_as_the_reference_at_every_tolerance(name: str) -> None:
     case = CASES[name]

@@ -74,6 +74,7 @@ def test_the_number_of_turns_that_a_straight_rod_bears(chord: float) -> None:
     assert borne == pytest.approx(critical(tension(chord)) / (2 * np.pi), rel=1e-5)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("chord", [1.02, 1.1])
 @pytest.mark.parametrize("part", [0.98, 0.995, 1.005, 1.02])
 def test_a_rod_is_stable_up_to_that_number_of_turns(chord: float, part: float) -> None:
@@ -91,6 +92,7 @@ def test_a_rod_is_stable_up_to_that_number_of_turns(chord: float, part: float) -
     assert is_straight == (part < 1.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("weight", [0.0, 1.0])
 @pytest.mark.parametrize("turns", [4, 7, 10])
 def test_more_turns_are_refused_with_both_numbers(turns: int, weight: float) -> None:
@@ -140,6 +142,7 @@ def gauss(nodes: np.ndarray, parts: int = 6) -> float:
     return float((np.einsum("ijk,ijk->ij", away, np.cross(steps[:, None], steps[None])) / size**3).sum() / (4 * np.pi))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pitch", [0.1, 0.3, 1.0])
 def test_the_writhe_of_a_polygon_is_the_integral_of_gauss(pitch: float) -> None:
     """A helix of two turns, closed by a wide detour; its mirror image has the opposite writhe, a plane curve none."""

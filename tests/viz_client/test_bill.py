@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import msgspec
+import pytest
 from synthetic import BILL, SNAPSHOT, frame, write_run
 
 from protocol import recording
@@ -27,6 +28,7 @@ def test_the_sentence_names_the_median_the_largest_part_and_the_longest_step() -
     )
 
 
+@pytest.mark.thorough
 def test_the_picture_stands_beside_the_page_and_shows_only_parts_that_took_time(tmp_path: Path) -> None:
     with recording.Writer(tmp_path / recording.FILE_NAME) as writer:
         writer.write(encode(SNAPSHOT))

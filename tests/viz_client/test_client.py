@@ -138,6 +138,7 @@ def test_a_folder_with_a_recording_is_refused(box, tmp_path):
     assert (tmp_path / recording.FILE_NAME).read_bytes() == before
 
 
+@pytest.mark.thorough
 def test_key_postures_are_drawn_while_recording_goes_on(box, tmp_path):
     lines = []
     with StandIn(box, SNAPSHOT) as environment:
@@ -150,6 +151,7 @@ def test_key_postures_are_drawn_while_recording_goes_on(box, tmp_path):
     assert words == ["snapshot", "first frame", "recorded 11 frames", "first picture"]  # nobody waits for the drawing process to start
 
 
+@pytest.mark.thorough
 def test_pictures_and_page_are_made_anew_from_the_recording_alone(tmp_path):
     write_run(tmp_path, finished=False)
     (tmp_path / "pictures").mkdir()
@@ -175,6 +177,7 @@ def test_a_signal_ends_the_program_in_good_order(box, tmp_path):
     assert len(recording.read(tmp_path / "run" / recording.FILE_NAME).frames) >= 1
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
