@@ -4,14 +4,12 @@
 
 An edge or a vertex has a row on three segments, so that it passes from one to the next without a jump: thirty rows instead of ten, and
 those that push bring a row of curvature each. `solve` also solves on every second node, for its error, and reads forces, moments and
-energy. CPU time, the median of many.
+energy. CPU time, the median of many, of all and of those that had the core to themselves (`alone`).
 """
 
 from __future__ import annotations
 
-import statistics
 import sys
-import time
 from pathlib import Path
 
 import msgspec
@@ -23,6 +21,7 @@ from protocol.messages import Problem, Start
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "shape_server")]
 
+from alone import Stopwatch  # noqa: E402
 from rods import GRAVITY, Row, cable, contacts, span, start_from  # noqa: E402
 
 from shape_server import Follower, kernels, solve  # noqa: E402
@@ -30,7 +29,7 @@ from shape_server import Follower, kernels, solve  # noqa: E402
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(600), pytest.mark.filterwarnings("default")]
 
 TARGET = 0.3  # ms
-# ms of a Follower and of solve(); measured 0.19 to 0.34 and 2.0 to 3.7 on faces, 0.25 to 0.47 and 2.7 to 4.7 on edges.
+# ms of a Follower and of solve() on a shared core; measured 0.14 to 0.34 and 2.0 to 3.9 on faces, 0.18 to 0.45 and 2.7 to 5.2 on edges.
 AT_MOST = {"face": (2 * TARGET, 4.0), "edge": (2 * TARGET, 6.0)}  # a neighbour on the machine is allowed for
 
 
@@ -45,24 +44,24 @@ def test_a_step_with_ten_contacts_is_short(kind: str) -> None:
         path=kernels,
     )
     assert len(shape.s) == 100
-    times: dict[str, list[float]] = {"Follower": [], "solve()": []}
-    for move in moves:
-        position = held.position + np.array([[0.0], [1.0]]) * move
-        began = time.process_time()
-        follower.move(position, held.quaternion)
-        times["Follower"].append(time.process_time() - began)
+    watches = {"Follower": Stopwatch(), "solve()": Stopwatch()}
+    positions = [held.position + np.array([[0.0], [1.0]]) * move for move in np.tile(moves, (4, 1))]
+    # One after the other, as they are used: a planner asks for one motion after another, and what solve() reads is not in its caches.
+    for position in positions:
+        watches["Follower"].time(lambda position=position: follower.move(position, held.quaternion))
+    for position in positions:
         contacts = msgspec.structs.replace(first.contacts, s=shape.contact_s, force=shape.contact_forces)
         grasps = msgspec.structs.replace(held, position=position)
         problem = Problem(cable=first.cable, grasps=grasps, contacts=contacts, start=start_from(shape))
-        began = time.process_time()
-        shape = solve(problem, GRAVITY, extrapolate=False, path=kernels)
-        times["solve()"].append(time.process_time() - began)
+        shape = watches["solve()"].time(lambda problem=problem: solve(problem, GRAVITY, extrapolate=False, path=kernels))
         assert (shape.contact_forces[:, 2] > 0.0).all()
     assert np.abs(follower.contact_forces - shape.contact_forces).max() < 1e-6
-    for (name, found), most in zip(times.items(), AT_MOST[kind], strict=True):
-        took = 1e3 * statistics.median(found)
-        sys.stdout.write(f"\n{name}, each support a contact with a {kind}: {took:.3f} ms, asked for {TARGET:g}")
-        assert took < most
+    for (name, watch), most in zip(watches.items(), AT_MOST[kind], strict=True):
+        took = watch.medians()
+        sys.stdout.write(f"\n{name}, each support a contact with {kind}: {took.all:.3f} ms, {took.alone:.3f} ms alone on the core")
+        sys.stdout.write(f" ({took.count} of {len(positions)}); asked for {TARGET:g}")
+        assert took.all < most
+        assert name != "Follower" or not took.alone > TARGET  # nor where it is not a number
 
 
 def lying(kind: str) -> Problem:
