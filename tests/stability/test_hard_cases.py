@@ -54,7 +54,6 @@ def test_a_hard_case_ends_as_it_should(case: Case) -> None:
     check(case, kernels)
 
 
-@pytest.mark.sampled(6)
 @pytest.mark.parametrize("case", params(PLAYED, every=8))
 def test_a_hard_case_that_is_played_ends_as_it_should(case: Case) -> None:
     check(case, Direct())
