@@ -1,10 +1,10 @@
 """Times calls, and tells those that had their core to themselves from those that shared it.
 
 Two hardware threads of a core share its arithmetic. Work of somebody else on the other one leaves the clock as it is, so that a chain of
-products that wait for each other takes the same 20 us, but makes sums that could go on at once take up to 2.5 times as long, and so
+products that wait for each other takes the same 20 us, but makes sums that could go on at once take up to 2.7 times as long, and so
 all that we time. A short such sum is timed for two seconds, and before and after every call; where both are near the least of all, the call
 was alone, and a call waits for that while there is patience. If the core was never free, the least is too long and too many calls count:
-figures are then worse than the truth, never better.
+figures are then worse than the truth. Calls should be about equally long, for short ones are undisturbed more often.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numba import njit
 Result = TypeVar("Result")
 
 WATCH: Final = 2.0  # s, in which the least is looked for
-SHARED: Final = 1.15  # times the least, from which on the core counts as shared; measured 1.0 to 1.1 alone, 1.4 to 2.5 shared
+SHARED: Final = 1.15  # times the least, from which on the core counts as shared; up to 2.7 were measured
 PATIENCE: Final = 20.0  # s, for which the calls of a watch together wait for the core to be free
 FEW: Final = 10  # calls below which no median is given
 
